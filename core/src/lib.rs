@@ -27,3 +27,5 @@ pub mod math;
 
 pub mod sampler;
 pub mod warp;
+
+pub mod film;
