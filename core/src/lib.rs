@@ -28,4 +28,6 @@ pub mod math;
 pub mod sampler;
 pub mod warp;
 
+pub mod bvh;
+
 pub mod film;
