@@ -9,6 +9,7 @@ pub mod errors;
 #[allow(
     clippy::all,
     clippy::pedantic,
+    clippy::restriction,
     missing_docs,
     unreachable_pub,
     unused_qualifications,
