@@ -27,3 +27,9 @@ pub mod math;
 
 pub mod sampler;
 pub mod warp;
+
+pub mod texture;
+
+pub mod mesh;
+
+pub mod scene;
