@@ -30,9 +30,9 @@ impl TriangleBvh {
     pub fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Result<Self, BuildError> {
         let triangles: Vec<[Vec3; 3]> = triangles.collect();
         // A corner that is no number would vanish in a minimum: such a triangle gets the empty box, which is refused.
-        let bounds = |t: &[Vec3; 3]| match t.iter().all(|p| p.is_finite()) {
-            true => t.iter().fold(Aabb::EMPTY, |b, p| b.with_point(*p)),
-            false => Aabb::EMPTY,
+        let bounds = |t: &[Vec3; 3]| {
+            let finite = t.iter().all(|p| p.is_finite());
+            if finite { t.iter().fold(Aabb::EMPTY, |b, p| b.with_point(*p)) } else { Aabb::EMPTY }
         };
         let boxes: Vec<Aabb> = triangles.iter().map(bounds).collect();
         let bvh = Bvh::build(&boxes)?;
@@ -129,7 +129,7 @@ impl Shear {
         }
         let inverse = 1.0 / determinant;
         let t = (u * a.z + v * b.z + w * c.z) * inverse;
-        (t > 0.0 && t <= t_max).then(|| (t, [v * inverse, w * inverse]))
+        (t > 0.0 && t <= t_max).then_some((t, [v * inverse, w * inverse]))
     }
 }
 
@@ -204,14 +204,9 @@ mod tests {
             let tree = TriangleBvh::build(mesh.iter().copied()).unwrap();
             for (i, triangle) in mesh.iter().enumerate() {
                 let o = random(i as u32, Decision::Filter) * (0.3 * scale);
-                for k in 0..3 {
-                    let (p, q) = (triangle[k], triangle[(k + 1) % 3]);
-                    for target in [p, (p + q) * 0.5, p + (q - p) * 0.3] {
-                        assert!(
-                            tree.intersect(&Ray::new(o, target - o)).is_some(),
-                            "leak at {target} from {o}"
-                        );
-                    }
+                let edges = (0..3).map(|k| (triangle[k], triangle[(k + 1) % 3]));
+                for target in edges.flat_map(|(p, q)| [p, (p + q) * 0.5, p + (q - p) * 0.3]) {
+                    assert!(tree.intersect(&Ray::new(o, target - o)).is_some(), "leak at {target} from {o}");
                 }
             }
         }
