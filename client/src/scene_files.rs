@@ -30,8 +30,8 @@ impl SceneFiles {
 /// The document cannot be read or is wrong; a file that it names cannot be read.
 pub fn read_scene(path: &Path) -> Result<SceneFiles, Error> {
     let text = read_document(path, &Limits::default())?;
-    let document = Document::parse(&text, &path.display().to_string(), &Limits::default())
-        .map_err(Error::Scene)?;
+    let document =
+        Document::parse(&text, &path.display().to_string(), &Limits::default()).map_err(Error::Scene)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let files = document
         .assets()
@@ -47,7 +47,10 @@ pub(crate) fn read_document(path: &Path, limits: &Limits) -> Result<String, Erro
     let size = std::fs::metadata(path).map_err(failed)?.len();
     let limit = limits.max_document_bytes as u64;
     if size > limit {
-        return Err(Error::Usage(format!("{}: found {size} bytes, expected at most {limit}", path.display())));
+        return Err(Error::Usage(format!(
+            "{}: found {size} bytes, expected at most {limit}",
+            path.display()
+        )));
     }
     std::fs::read_to_string(path).map_err(failed)
 }

@@ -43,7 +43,3 @@ pub mod camera;
 pub mod film;
 
 pub mod scene;
-
-pub mod integrator;
-
-pub mod render;
