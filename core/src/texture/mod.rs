@@ -1,5 +1,9 @@
 //! Owns colours that vary over a surface.
 
+mod image;
+
+pub use image::{Image, ImageError, Texels};
+
 /// What the numbers in an image file mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorSpace {

@@ -1,0 +1,152 @@
+//! Owns loading the asset files of a document: meshes and images, each read once, within the limits.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::mesh::{self, Mesh};
+use crate::scene::document::Document;
+use crate::scene::document::asset::{AssetKind, AssetRef};
+use crate::scene::document::limits::Limits;
+use crate::scene::document::problem::Problems;
+use crate::texture::{ColorSpace, Image, Texels};
+
+/// Where asset files come from; paths are those of [`AssetRef::path`].
+pub trait AssetSource: Sync {
+    /// Size of a file in bytes.
+    ///
+    /// # Errors
+    /// Those of the source, [`io::ErrorKind::NotFound`] where there is no such file.
+    fn len(&self, path: &str) -> Result<u64, io::Error>;
+
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// As for [`AssetSource::len`].
+    fn read(&self, path: &str) -> Result<Vec<u8>, io::Error>;
+}
+
+/// The files in and below one folder.
+#[derive(Debug, Clone)]
+pub struct Folder {
+    root: PathBuf,
+}
+
+impl Folder {
+    /// A source that reads below `root`.
+    ///
+    /// # Errors
+    /// When the folder is not there or cannot be entered.
+    pub fn new(root: impl AsRef<Path>) -> Result<Self, io::Error> {
+        Ok(Self { root: root.as_ref().canonicalize()? })
+    }
+
+    /// The place of a file after all symbolic links, which must be in the folder.
+    fn resolve(&self, path: &str) -> Result<PathBuf, io::Error> {
+        let found = self.root.join(path).canonicalize()?;
+        if !found.starts_with(&self.root) {
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "leads out of the document's folder"));
+        }
+        if !found.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not a regular file"));
+        }
+        Ok(found)
+    }
+}
+
+impl AssetSource for Folder {
+    fn len(&self, path: &str) -> Result<u64, io::Error> {
+        Ok(self.resolve(path)?.metadata()?.len())
+    }
+
+    fn read(&self, path: &str) -> Result<Vec<u8>, io::Error> {
+        std::fs::read(self.resolve(path)?)
+    }
+}
+
+/// The asset files of a document, read and checked.
+#[derive(Debug, Clone, Default)]
+pub struct Assets {
+    meshes: BTreeMap<String, Arc<Mesh>>,
+    images: BTreeMap<String, Arc<Texels>>,
+}
+
+/// What is left of the limits while files are loaded.
+#[derive(Debug)]
+struct Budget {
+    triangles: u64,
+    texels: u64,
+}
+
+impl Assets {
+    /// Reads every file that a document names, once.
+    ///
+    /// # Errors
+    /// Files that are missing, too large or malformed, at the places in the document that name them; the sizes
+    /// of all files are checked before the first is read.
+    pub fn load(document: &Document, source: &dyn AssetSource, limits: &Limits) -> Result<Self, Problems> {
+        let mut problems = Problems::default();
+        check_sizes(document.assets(), source, limits, &mut problems);
+        problems.or(())?;
+        let (mut problems, mut assets) = (Problems::default(), Self::default());
+        let mut left = Budget { triangles: limits.max_triangles, texels: limits.max_texels };
+        for asset in document.assets() {
+            if let Err(message) = assets.add(asset, source, &mut left) {
+                problems.push(asset.problem(message));
+            }
+        }
+        problems.or(assets)
+    }
+
+    fn add(&mut self, asset: &AssetRef, source: &dyn AssetSource, left: &mut Budget) -> Result<(), String> {
+        let bytes = source.read(&asset.path).map_err(|error| reading(&error))?;
+        match asset.kind {
+            AssetKind::Mesh => {
+                let mesh = mesh::read(&bytes, &asset.path, left.triangles).map_err(|error| error.to_string())?;
+                left.triangles -= mesh.triangles.len() as u64;
+                self.meshes.insert(asset.path.clone(), Arc::new(mesh));
+            }
+            AssetKind::Image => {
+                let texels = Texels::read(&bytes, left.texels).map_err(|error| error.to_string())?;
+                left.texels -= u64::from(texels.width()) * u64::from(texels.height());
+                self.images.insert(asset.path.clone(), Arc::new(texels));
+            }
+        }
+        Ok(())
+    }
+
+    /// The mesh in a file that the document names.
+    pub fn mesh(&self, path: &str) -> Option<Arc<Mesh>> {
+        self.meshes.get(path).cloned()
+    }
+
+    /// The image in a file that the document names, in a colour space; the texels are shared.
+    pub fn image(&self, path: &str, color_space: ColorSpace) -> Option<Arc<Image>> {
+        self.images.get(path).map(|texels| Arc::new(Image::new(texels.clone(), color_space)))
+    }
+}
+
+/// Reports missing files, and the file with which all files together pass the limit.
+fn check_sizes(assets: &[AssetRef], source: &dyn AssetSource, limits: &Limits, problems: &mut Problems) {
+    let (mut total, limit) = (0_u64, limits.max_asset_bytes);
+    for asset in assets {
+        match source.len(&asset.path) {
+            Err(error) => problems.push(asset.problem(reading(&error))),
+            Ok(bytes) => {
+                let before = total;
+                total = total.saturating_add(bytes);
+                if before <= limit && total > limit {
+                    let message = format!(
+                        "has {bytes} bytes, with the files before it {total}, the limit is {limit} for all together"
+                    );
+                    problems.push(asset.problem(message));
+                }
+            }
+        }
+    }
+}
+
+fn reading(error: &io::Error) -> String {
+    if error.kind() == io::ErrorKind::NotFound { "does not exist".to_owned() } else { error.to_string() }
+}

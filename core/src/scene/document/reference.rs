@@ -1,0 +1,1 @@
+//! Owns the JSON Schema and the reference page of the scene document.
