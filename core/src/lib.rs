@@ -30,6 +30,8 @@ pub mod warp;
 
 pub mod texture;
 
+pub mod sdf;
+
 pub mod mesh;
 
 pub mod bvh;

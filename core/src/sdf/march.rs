@@ -2,7 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::Aabb;
+use crate::math::Aabb;
+
 use super::object::Sdf;
 use super::real::Point;
 use super::root::{self, End};

@@ -21,14 +21,3 @@ pub use march::MarchStats;
 pub use object::{Resolved, Sdf, SdfRay, Settings};
 pub use real::{Point, Real};
 pub use tape::{MAX_DEPTH, Tape};
-
-use glam::Vec3;
-
-/// An axis-aligned box, in object space.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Aabb {
-    /// Lower corner.
-    pub min: Vec3,
-    /// Upper corner.
-    pub max: Vec3,
-}

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::Aabb;
+use crate::math::Aabb;
+
 use super::error::{SdfError, require};
 use super::march::{self, MarchStats, ROUNDOFF, Segment};
 use super::real::Point;
@@ -62,7 +63,7 @@ impl Sdf {
             Some(given) => check_bounds(&tape, given)?,
             None => computed,
         };
-        let diagonal = (bounds.max - bounds.min).length();
+        let diagonal = bounds.size().length();
         let resolved = resolve(settings, diagonal)?;
         // Surfaces may touch the bounds; rays should enter clearly outside of them.
         let margin = Vec3::splat(diagonal / 256.0);
@@ -123,7 +124,7 @@ impl Sdf {
             gradient += corner * self.tape.distance::<f64>(Point::new(q.x, q.y, q.z));
         }
         // Where the gradient vanishes (between equal children, say) away from the middle is as good as any.
-        let middle = (self.bounds.min + self.bounds.max) * 0.5;
+        let middle = self.bounds.center();
         gradient
             .try_normalize()
             .map(glam::DVec3::as_vec3)
@@ -198,15 +199,15 @@ fn check_bounds(tape: &Tape, given: Aabb) -> Result<Aabb, SdfError> {
         )?;
     }
     let computed = tape.bounds();
-    let mut found = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-    let spacing = (computed.max - computed.min) / f32::from(CHECK_POINTS - 1);
+    let mut found = Aabb::EMPTY;
+    let spacing = computed.size() / f32::from(CHECK_POINTS - 1);
     for z in 0..CHECK_POINTS {
         for y in 0..CHECK_POINTS {
             for x in 0..CHECK_POINTS {
                 let p = computed.min + spacing * Vec3::new(f32::from(x), f32::from(y), f32::from(z));
                 let cut = p.cmplt(given.min).any() || p.cmpgt(given.max).any();
                 if cut && tape.distance::<f32>(Point::splat(p)) < 0.0 {
-                    found = Aabb { min: found.min.min(p), max: found.max.max(p) };
+                    found = found.with_point(p);
                 }
             }
         }

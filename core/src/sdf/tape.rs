@@ -1,8 +1,7 @@
 //! Owns flat tapes: a tree of distance functions as a list of steps for a small stack machine.
 
-use glam::Vec3;
+use crate::math::Aabb;
 
-use super::Aabb;
 use super::node::{Cuboid, Mandelbulb, SmoothUnion, Sphere, Torus, transform, union};
 use super::real::{Point, Real};
 
@@ -174,7 +173,7 @@ impl Summary {
             };
             boxes.push(found);
         }
-        Self { bounds: boxes.pop().unwrap_or(Aabb { min: Vec3::ZERO, max: Vec3::ZERO }), reach, level }
+        Self { bounds: boxes.pop().unwrap_or(Aabb::EMPTY), reach, level }
     }
 }
 

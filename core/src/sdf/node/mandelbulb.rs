@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::sdf::Aabb;
+use crate::math::Aabb;
 use crate::sdf::error::{SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -42,7 +42,7 @@ pub(in crate::sdf) struct Mandelbulb {
 
 impl Mandelbulb {
     pub(in crate::sdf) fn new(power: f32, iterations: u32, bailout: f32) -> Result<Self, SdfError> {
-        require((2.0..=32.0).contains(&power), "mandelbulb.power", power, "a number from 2 to 32")?;
+        require((2.0..=64.0).contains(&power), "mandelbulb.power", power, "a number from 2 to 64")?;
         let count = iterations as f32;
         require((1..=256).contains(&iterations), "mandelbulb.iterations", count, "an integer from 1 to 256")?;
         require((2.0..=1e6).contains(&bailout), "mandelbulb.bailout", bailout, "a number from 2 to 1000000")?;

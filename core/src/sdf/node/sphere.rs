@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::sdf::Aabb;
+use crate::math::Aabb;
 use crate::sdf::error::{A_LENGTH, LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3, Mat3, Vec3};
 
-use crate::sdf::Aabb;
+use crate::math::Aabb;
 use crate::sdf::error::{A_LENGTH, LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -100,12 +100,7 @@ impl Placement {
 
     /// The box around the eight corners of the child's bounds.
     pub(in crate::sdf) fn bounds(&self, child: Aabb) -> Aabb {
-        let mut hull = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-        for corner in 0..8 {
-            let pick = |axis: usize| if corner >> axis & 1 == 0 { child.min[axis] } else { child.max[axis] };
-            let p = self.leave(Vec3::new(pick(0), pick(1), pick(2)));
-            hull = Aabb { min: hull.min.min(p), max: hull.max.max(p) };
-        }
-        hull
+        let corners = child.corners().into_iter();
+        corners.fold(Aabb::EMPTY, |hull, corner| hull.with_point(self.leave(corner)))
     }
 }

@@ -1,6 +1,6 @@
 //! Owns the hard union.
 
-use crate::sdf::Aabb;
+use crate::math::Aabb;
 use crate::sdf::real::Real;
 
 /// Union of two objects: `f = min(a, b)`.
@@ -14,5 +14,5 @@ pub(in crate::sdf) fn distance<R: Real>(a: R, b: R) -> R {
 
 /// The hull of both boxes: outside it both values, hence their minimum, are at least the distance to it.
 pub(in crate::sdf) fn bounds(a: Aabb, b: Aabb) -> Aabb {
-    Aabb { min: a.min.min(b.min), max: a.max.max(b.max) }
+    a.union(b)
 }

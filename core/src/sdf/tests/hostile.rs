@@ -3,8 +3,9 @@
 use glam::{Mat3, Vec3};
 
 use super::{hit, object, ray, tape};
+use crate::math::Aabb;
 use crate::sdf::{
-    Aabb, MAX_DEPTH, MAX_NODES, MarchStats, NodeId, Point, Sdf, SdfError, SdfRay, Settings, TapeBuilder,
+    MAX_DEPTH, MAX_NODES, MarchStats, NodeId, Point, Sdf, SdfError, SdfRay, Settings, TapeBuilder,
 };
 
 fn refused(build: impl FnOnce(&mut TapeBuilder) -> NodeId) -> String {
