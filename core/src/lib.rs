@@ -1,1 +1,3 @@
-//! placeholder
+//! Scene to pixels: a pure path-tracing core.
+
+pub mod encode;
