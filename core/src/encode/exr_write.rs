@@ -13,6 +13,8 @@ use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, SmallVec};
 use glam::Vec3;
 
+use crate::film::Picture;
+
 use super::EncodeError;
 
 /// Planes of one picture, all row-major over the window; an absent plane is not written.
@@ -48,6 +50,30 @@ impl Layers<'_> {
         }
         Ok((x1 - x0, y1 - y0))
     }
+}
+
+/// Encodes every layer of a picture, and the denoised one if there is one, as an EXR file; see [`write_exr`].
+///
+/// # Errors
+/// Those of [`write_exr`].
+pub fn exr(
+    picture: &Picture,
+    denoised: Option<&[Vec3]>,
+    statistics: &serde_json::Value,
+) -> Result<Vec<u8>, EncodeError> {
+    let window = &picture.window;
+    let layers = Layers {
+        full: (picture.size.width, picture.size.height),
+        window: (window.x0, window.y0, window.x1, window.y1),
+        color: &picture.color,
+        albedo: Some(&picture.albedo),
+        normal: Some(&picture.normal),
+        depth: Some(&picture.depth),
+        samples: Some(&picture.samples),
+        error: Some(&picture.error),
+        denoised,
+    };
+    write_exr(&layers, statistics)
 }
 
 /// Encodes the layers as an EXR file: one part, f32, ZIP in scan-line blocks, the window placed in the frame.

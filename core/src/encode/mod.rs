@@ -9,10 +9,10 @@ mod png;
 mod view;
 
 pub use exr_read::{ExrImage, read_exr};
-pub use exr_write::{Layers, write_exr};
+pub use exr_write::{Layers, exr, write_exr};
 pub use heat::{false_color, heat_map};
 pub use png::{png, png_rgb8};
-pub use view::{View, display};
+pub use view::display;
 
 /// Why a picture could not be written or read.
 #[derive(Debug, thiserror::Error)]

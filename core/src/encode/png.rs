@@ -5,8 +5,10 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::EncodeError;
+use crate::color::View;
+
 use super::exr_write::check_plane;
-use super::view::{Srgb8, View, display};
+use super::view::{Srgb8, display};
 
 /// Encodes linear Rec.709 light, row-major, as a PNG: scaled by 2^`exposure`, then through the view.
 ///
@@ -55,7 +57,8 @@ pub fn png_rgb8(pixels: &[[u8; 3]], width: u32, height: u32) -> Result<Vec<u8>, 
 #[cfg(test)]
 mod tests {
     use super::png;
-    use crate::encode::{EncodeError, View};
+    use crate::color::View;
+    use crate::encode::EncodeError;
     use glam::Vec3;
 
     #[test]

@@ -2,15 +2,7 @@
 
 use glam::{Mat3, Vec3};
 
-/// How light is brought to a display.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum View {
-    /// The sRGB curve, clipped at white.
-    Standard,
-    /// A filmic curve: bright light rolls off and loses colour instead of clipping.
-    #[default]
-    Filmic,
-}
+use crate::color::View;
 
 /// Linear light as display-linear values from 0 to 1, before the sRGB curve.
 ///
@@ -73,7 +65,8 @@ impl Srgb8 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Srgb8, View, display, srgb_decode};
+    use super::{Srgb8, display, srgb_decode};
+    use crate::color::View;
     use glam::Vec3;
 
     #[test]

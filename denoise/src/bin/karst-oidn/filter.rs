@@ -31,7 +31,10 @@ impl Device {
         // SAFETY: no preconditions; a null device is checked before it is used.
         let device = unsafe { sys::oidnNewDevice(sys::OIDNDeviceType_OIDN_DEVICE_TYPE_CPU) };
         if device.is_null() {
-            return Err(last_error(ptr::null_mut()).unwrap_or_else(|| "no device".into()));
+            let reason = last_error(ptr::null_mut()).unwrap_or_else(|| "no device".into());
+            return Err(format!(
+                "{reason}\nhint: its library is missing or broken; `./run setup` fetches it"
+            ));
         }
         let device = Self(device);
         if threads > 0 {
