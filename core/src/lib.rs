@@ -45,3 +45,5 @@ pub mod camera;
 pub mod film;
 
 pub mod scene;
+
+pub mod encode;
