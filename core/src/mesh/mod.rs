@@ -49,8 +49,7 @@ const NO_AREA: f64 = 1.0e-12;
 /// Damaged files, numbers that are not finite, indices of vertices that are not there, too many triangles.
 pub fn read(bytes: &[u8], path: &str, max_triangles: u64) -> Result<Mesh, MeshError> {
     let ply = path.rsplit('.').next().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
-    let mut mesh =
-        if ply { ply::read(bytes, max_triangles)? } else { obj::read(bytes, max_triangles)? };
+    let mut mesh = if ply { ply::read(bytes, max_triangles)? } else { obj::read(bytes, max_triangles)? };
     check(&mesh)?;
     drop_degenerate(&mut mesh);
     Ok(mesh)
@@ -61,13 +60,19 @@ fn check_count(triangles: u64, left: u64) -> Result<(), MeshError> {
     if triangles <= left {
         return Ok(());
     }
-    Err(MeshError::new("file", format!("has {triangles} triangles, {left} are left of the limit for all meshes")))
+    Err(MeshError::new(
+        "file",
+        format!("has {triangles} triangles, {left} are left of the limit for all meshes"),
+    ))
 }
 
 /// Refuses numbers that are not finite and indices beyond the vertices.
 fn check(mesh: &Mesh) -> Result<(), MeshError> {
     let not_finite = |index: usize, what: &str, found: String| {
-        MeshError::new(format!("vertex {index}"), format!("found the {what} {found}, expected finite numbers"))
+        MeshError::new(
+            format!("vertex {index}"),
+            format!("found the {what} {found}, expected finite numbers"),
+        )
     };
     if let Some((index, p)) = mesh.positions.iter().enumerate().find(|(_, p)| !p.is_finite()) {
         return Err(not_finite(index, "position", p.to_string()));

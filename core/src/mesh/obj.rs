@@ -14,7 +14,8 @@ pub(super) fn read(bytes: &[u8], max_triangles: u64) -> Result<Mesh, MeshError> 
     check_count(check_faces(&text)?, max_triangles)?;
     let lines = Cell::new(0);
     let mut reader = LineReader { left: text.as_bytes(), lines: &lines };
-    let options = LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
+    let options =
+        LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     // Materials of the file are not used: the scene document gives them.
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, |_| Ok(<_>::default()))
         .map_err(|error| MeshError::new(format!("line {}", lines.get()), words(error)))?;
@@ -52,7 +53,8 @@ fn check_faces(text: &str) -> Result<u64, MeshError> {
     let count = |keyword: &str| {
         text.lines().filter(|line| line.split_ascii_whitespace().next() == Some(keyword)).count() as i64
     };
-    let totals = [("v", "vertices"), ("vt", "texture coordinates"), ("vn", "normals")].map(|(k, w)| (count(k), w));
+    let totals =
+        [("v", "vertices"), ("vt", "texture coordinates"), ("vn", "normals")].map(|(k, w)| (count(k), w));
     let mut so_far = [0_i64; 3];
     let mut triangles = 0_u64;
     for (number, line) in text.lines().enumerate() {
@@ -104,7 +106,9 @@ fn words(error: LoadError) -> &'static str {
         LoadError::ScalingByZeroError => "found the weight 0 of a vertex, expected another number",
         LoadError::FaceParseError | LoadError::InvalidPolygon => "expected f with at least three corners",
         LoadError::FaceVertexOutOfBounds => "found a face before its vertices, expected it after them",
-        LoadError::FaceTexCoordOutOfBounds => "found a face before its texture coordinates, expected it after them",
+        LoadError::FaceTexCoordOutOfBounds => {
+            "found a face before its texture coordinates, expected it after them"
+        }
         LoadError::FaceNormalOutOfBounds => "found a face before its normals, expected it after them",
         LoadError::OpenFileFailed
         | LoadError::ReadError

@@ -1,7 +1,7 @@
 //! Owns images: PNG and JPEG bytes to texels, and the lookup by uv.
 
 use std::io::Cursor;
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
 use image::{DynamicImage, ImageReader};
@@ -26,9 +26,13 @@ pub enum ImageError {
     },
 }
 
-/// The texels of an image file, as it stores them; alpha is left out.
+/// The texels of an image file, as the file stores them; alpha is left out.
+///
+/// As a colour over a surface, u runs to the right and v **upwards**: (0, 0) is the lower left corner of the
+/// image, as in OBJ files. Texel centres lie at half integers, between them the light is interpolated linearly,
+/// and outside 0 to 1 the image repeats.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Texels {
+pub struct Image {
     width: u32,
     height: u32,
     /// 1 for grey, 3 for colour.
@@ -43,13 +47,14 @@ enum Data {
     Words(Vec<u16>),
 }
 
-impl Texels {
+impl Image {
     /// Reads a PNG or JPEG file of at most `left` texels; the size is checked before any texel is decoded.
     ///
     /// # Errors
     /// Damaged or foreign files, and larger ones.
     pub fn read(bytes: &[u8], left: u64) -> Result<Self, ImageError> {
-        let open = || ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::IoError);
+        let open =
+            || ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::IoError);
         let (width, height) = open()?.into_dimensions()?;
         let texels = u64::from(width) * u64::from(height);
         if texels > left {
@@ -82,50 +87,32 @@ impl Texels {
     pub fn height(&self) -> u32 {
         self.height
     }
-}
-
-/// An image as a colour over a surface.
-///
-/// u runs to the right and v **upwards**: (0, 0) is the lower left corner of the image, as in OBJ files.
-/// Texel centres lie at half integers, between them the light is interpolated linearly, and outside 0 to 1 the
-/// image repeats.
-#[derive(Debug, Clone)]
-pub struct Image {
-    texels: Arc<Texels>,
-    color_space: ColorSpace,
-}
-
-impl Image {
-    /// An image whose file is in a colour space.
-    pub fn new(texels: Arc<Texels>, color_space: ColorSpace) -> Self {
-        Self { texels, color_space }
-    }
 
     /// Linear Rec.709 colour at a texture coordinate, each channel 0 to 1; black where the coordinate is not
-    /// finite.
-    pub fn lookup(&self, uv: Vec2) -> Vec3 {
+    /// finite. `space` says what the numbers in the file mean.
+    pub fn lookup(&self, uv: Vec2, space: ColorSpace) -> Vec3 {
         if !uv.is_finite() {
             return Vec3::ZERO;
         }
-        let (width, height) = (self.texels.width, self.texels.height);
+        let (width, height) = (self.width, self.height);
         let (x0, x1, fx) = between(uv.x, width);
         let (y0, y1, fy) = between(1.0 - (uv.y - uv.y.floor()), height);
-        let row = |y: u32| self.texel(x0, y) * (1.0 - fx) + self.texel(x1, y) * fx;
+        let row = |y: u32| self.texel(x0, y, space) * (1.0 - fx) + self.texel(x1, y, space) * fx;
         row(y0) * (1.0 - fy) + row(y1) * fy
     }
 
     /// Colour of a texel, rows counted from the top.
-    fn texel(&self, x: u32, y: u32) -> Vec3 {
-        let channels = usize::from(self.texels.channels);
-        let first = (y as usize * self.texels.width as usize + x as usize) * channels;
-        let channel = |index: usize| match &self.texels.data {
-            Data::Bytes(bytes) => match self.color_space {
+    fn texel(&self, x: u32, y: u32, space: ColorSpace) -> Vec3 {
+        let channels = usize::from(self.channels);
+        let first = (y as usize * self.width as usize + x as usize) * channels;
+        let channel = |index: usize| match &self.data {
+            Data::Bytes(bytes) => match space {
                 ColorSpace::Srgb => SRGB[usize::from(bytes[first + index])],
                 ColorSpace::Linear => f32::from(bytes[first + index]) / 255.0,
             },
             Data::Words(words) => {
                 let value = f32::from(words[first + index]) / 65535.0;
-                if self.color_space == ColorSpace::Srgb { from_srgb(value) } else { value }
+                if space == ColorSpace::Srgb { from_srgb(value) } else { value }
             }
         };
         if channels == 1 { Vec3::splat(channel(0)) } else { Vec3::new(channel(0), channel(1), channel(2)) }
@@ -153,12 +140,11 @@ static SRGB: LazyLock<[f32; 256]> =
 
 #[cfg(test)]
 mod tests {
-    use super::{Image, ImageError, Texels};
+    use super::{Image, ImageError};
     use crate::texture::ColorSpace;
     use glam::{Vec2, Vec3};
     use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
     use std::io::Cursor;
-    use std::sync::Arc;
 
     fn png(image: impl Into<DynamicImage>) -> Vec<u8> {
         let mut bytes = Cursor::new(Vec::new());
@@ -172,13 +158,13 @@ mod tests {
         png(ImageBuffer::<Rgb<u8>, _>::from_vec(2, 2, texels.concat()).unwrap())
     }
 
-    fn image(bytes: &[u8], color_space: ColorSpace) -> Image {
-        Image::new(Arc::new(Texels::read(bytes, 1 << 20).unwrap()), color_space)
+    fn lookup(bytes: &[u8], space: ColorSpace, uv: Vec2) -> Vec3 {
+        Image::read(bytes, 1 << 20).unwrap().lookup(uv, space)
     }
 
     #[test]
     fn v_runs_upwards_and_the_image_repeats() {
-        let image = image(&corners(), ColorSpace::Srgb);
+        let image = Image::read(&corners(), 1 << 20).unwrap();
         let (red, green, blue, white) = (Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE);
         for (u, v, expected) in [
             (0.25, 0.75, red),
@@ -192,52 +178,63 @@ mod tests {
             (-0.75, 1.75, red),
             (7.25, -2.75, blue),
         ] {
-            let found = image.lookup(Vec2::new(u, v));
-            assert!((found - expected).abs().max_element() < 1.0e-6, "({u}, {v}): {found}, expected {expected}");
+            let found = image.lookup(Vec2::new(u, v), ColorSpace::Srgb);
+            assert!(
+                (found - expected).abs().max_element() < 1.0e-6,
+                "({u}, {v}): {found}, expected {expected}"
+            );
         }
     }
 
     #[test]
     fn any_coordinate_is_safe() {
-        let image = image(&corners(), ColorSpace::Linear);
-        for value in [f32::NAN, f32::INFINITY, f32::MAX, f32::MIN, -1.0e-30, 1.0 - f32::EPSILON / 2.0, 1.0e9] {
-            let found = image.lookup(Vec2::splat(value));
-            assert!(found.is_finite() && found.min_element() >= 0.0 && found.max_element() <= 1.0, "{value}: {found}");
+        let image = Image::read(&corners(), 1 << 20).unwrap();
+        for value in [f32::NAN, f32::INFINITY, f32::MAX, f32::MIN, -1.0e-30, 1.0 - f32::EPSILON / 2.0, 1.0e9]
+        {
+            let found = image.lookup(Vec2::splat(value), ColorSpace::Linear);
+            assert!(
+                found.is_finite() && found.min_element() >= 0.0 && found.max_element() <= 1.0,
+                "{value}: {found}"
+            );
         }
     }
 
     #[test]
     fn color_spaces_and_depths() {
         let grey = png(ImageBuffer::<Luma<u8>, _>::from_vec(1, 1, vec![188]).unwrap());
-        let near = |found: Vec3, expected: f32| assert!((found - expected).abs().max_element() < 1.0e-4, "{found}");
+        let near =
+            |found: Vec3, expected: f32| assert!((found - expected).abs().max_element() < 1.0e-4, "{found}");
         // 188/255 on the sRGB curve is 0.502886.
-        near(image(&grey, ColorSpace::Srgb).lookup(Vec2::ZERO), 0.502_886);
-        near(image(&grey, ColorSpace::Linear).lookup(Vec2::ZERO), 188.0 / 255.0);
+        near(lookup(&grey, ColorSpace::Srgb, Vec2::ZERO), 0.502_886);
+        near(lookup(&grey, ColorSpace::Linear, Vec2::ZERO), 188.0 / 255.0);
         let deep = png(ImageBuffer::<Luma<u16>, _>::from_vec(1, 1, vec![100]).unwrap());
-        near(image(&deep, ColorSpace::Linear).lookup(Vec2::ZERO), 100.0 / 65535.0);
+        near(lookup(&deep, ColorSpace::Linear, Vec2::ZERO), 100.0 / 65535.0);
         let clear = png(ImageBuffer::<Rgba<u8>, _>::from_vec(1, 1, vec![255, 255, 255, 0]).unwrap());
-        near(image(&clear, ColorSpace::Srgb).lookup(Vec2::ZERO), 1.0);
+        near(lookup(&clear, ColorSpace::Srgb, Vec2::ZERO), 1.0);
     }
 
     #[test]
     fn bad_files_are_refused_before_memory_is_taken() {
         let bytes = corners();
-        assert!(matches!(Texels::read(&bytes, 3), Err(ImageError::TooLarge { width: 2, height: 2, left: 3 })));
+        assert!(matches!(Image::read(&bytes, 3), Err(ImageError::TooLarge { width: 2, height: 2, left: 3 })));
         // A header that announces 2^31 - 1 by 2^31 - 1 texels; its checksum is right.
         let mut huge = bytes.clone();
         huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
         let crc = crc(&huge[12..29]);
         huge[29..33].copy_from_slice(&crc.to_be_bytes());
-        let error = Texels::read(&huge, 1 << 29).unwrap_err().to_string();
+        let error = Image::read(&huge, 1 << 29).unwrap_err().to_string();
         assert!(error.contains("2147483647 x 2147483647") || error.contains("not a PNG"), "{error}");
         for length in 0..bytes.len() {
-            assert!(Texels::read(&bytes[..length], 1 << 20).is_err() || length > bytes.len() - 13, "{length}");
+            assert!(Image::read(&bytes[..length], 1 << 20).is_err() || length > bytes.len() - 13, "{length}");
         }
     }
 
     fn crc(bytes: &[u8]) -> u32 {
         !bytes.iter().fold(!0_u32, |crc, &byte| {
-            (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 })
+            (0..8).fold(
+                crc ^ u32::from(byte),
+                |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 },
+            )
         })
     }
 }

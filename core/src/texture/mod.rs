@@ -2,7 +2,7 @@
 
 mod image;
 
-pub use image::{Image, ImageError, Texels};
+pub use image::{Image, ImageError};
 
 /// What the numbers in an image file mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -32,7 +32,8 @@ impl<'a> Body<'a> {
             return Ok(());
         }
         let Element { name, count, .. } = element;
-        Err(self.error(format!("found {left} bytes for {count} rows of {name:?}, expected at least {needed}")))
+        Err(self
+            .error(format!("found {left} bytes for {count} rows of {name:?}, expected at least {needed}")))
     }
 
     /// The length of a list, which is checked against the bytes that are left.

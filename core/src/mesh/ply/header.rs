@@ -122,7 +122,8 @@ impl Header {
                     element.properties.push(parse_property(rest).ok_or_else(unknown)?);
                 }
                 ["end_header"] => {
-                    let format = format.ok_or_else(|| error("found no format before end_header".to_owned()))?;
+                    let format =
+                        format.ok_or_else(|| error("found no format before end_header".to_owned()))?;
                     return Ok(Self { format, elements, length: at });
                 }
                 _ => return Err(unknown()),

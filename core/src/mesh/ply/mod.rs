@@ -50,7 +50,10 @@ fn read_vertices(mesh: &mut Mesh, element: &Element, body: &mut Body<'_>) -> Res
     }
     let (normals, uvs) = (has(3) && has(4) && has(5), has(6) && has(7));
     if u32::try_from(element.count).is_err() {
-        return Err(MeshError::new("header", format!("found {} vertices, the limit is 2^32 - 1", element.count)));
+        return Err(MeshError::new(
+            "header",
+            format!("found {} vertices, the limit is 2^32 - 1", element.count),
+        ));
     }
     for _ in 0..element.count {
         let mut values = [0.0_f32; 8];
@@ -74,7 +77,8 @@ fn read_vertices(mesh: &mut Mesh, element: &Element, body: &mut Body<'_>) -> Res
 }
 
 fn read_faces(mesh: &mut Mesh, element: &Element, body: &mut Body<'_>, left: u64) -> Result<(), MeshError> {
-    let is_corners = |p: &Property| p.list.is_some() && matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
+    let is_corners =
+        |p: &Property| p.list.is_some() && matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
     if !element.properties.iter().any(is_corners) {
         return Err(MeshError::new("header", "found faces without the list property vertex_indices"));
     }
@@ -95,7 +99,12 @@ fn read_faces(mesh: &mut Mesh, element: &Element, body: &mut Body<'_>, left: u64
     Ok(())
 }
 
-fn read_corners(corners: &mut Vec<u32>, face: u64, list: &Property, body: &mut Body<'_>) -> Result<(), MeshError> {
+fn read_corners(
+    corners: &mut Vec<u32>,
+    face: u64,
+    list: &Property,
+    body: &mut Body<'_>,
+) -> Result<(), MeshError> {
     let place = || format!("face {face}");
     let count = body.length(list)?;
     if count < 3 {
@@ -106,7 +115,10 @@ fn read_corners(corners: &mut Vec<u32>, face: u64, list: &Property, body: &mut B
         let index = body.number(list.kind)?;
         // Indices beyond the vertices are found when all elements have been read.
         if !(index >= 0.0 && index <= f64::from(u32::MAX) && index.fract() == 0.0) {
-            return Err(MeshError::new(place(), format!("found the vertex index {index}, expected one from 0")));
+            return Err(MeshError::new(
+                place(),
+                format!("found the vertex index {index}, expected one from 0"),
+            ));
         }
         corners.push(index as u32);
     }

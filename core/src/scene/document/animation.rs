@@ -121,7 +121,10 @@ impl Decode for Node {
         match &at.node.value {
             Value::Number(_) => f64::decode(at, &Allowed::ANY).map(|_| at.node.clone()),
             Value::List(items) => {
-                let sound = items.iter().enumerate().map(|(index, item)| Self::decode(&at.element(index, item), allowed));
+                let sound = items
+                    .iter()
+                    .enumerate()
+                    .map(|(index, item)| Self::decode(&at.element(index, item), allowed));
                 let sound: Vec<bool> = sound.map(|item| item.is_some()).collect();
                 sound.iter().all(|&ok| ok).then(|| at.node.clone())
             }
@@ -172,7 +175,11 @@ fn is_increasing(track: &Track, at: &Cursor<'_>) -> bool {
             at.problem_at(after.value.start, &key.name(field), message, hint);
         };
         if after.frame <= before.frame {
-            report("frame", format!("found frame {} after frame {}, expected a later one", after.frame, before.frame), None);
+            report(
+                "frame",
+                format!("found frame {} after frame {}, expected a later one", after.frame, before.frame),
+                None,
+            );
             sound = false;
         } else if track.interpolation == Interpolation::Linear
             && let Err(mismatch) = blendable(&before.value, &after.value, last_name(at))
@@ -205,7 +212,11 @@ fn is_in_order(animation: &Animation, at: &Cursor<'_>) -> bool {
         if part {
             let tracks = at.path.name("tracks");
             let start = at.node.get("tracks").map_or(at.node.start, |tracks| {
-                tracks.members().iter().find(|member| member.name == pair[1]).map_or(tracks.start, |found| found.start)
+                tracks
+                    .members()
+                    .iter()
+                    .find(|member| member.name == pair[1])
+                    .map_or(tracks.start, |found| found.start)
             });
             let message = format!("changes a part of what the track {:?} changes", pair[0]);
             at.problem_at(start, &tracks.name(pair[1]), message, Some("merge the two tracks".to_owned()));
@@ -231,7 +242,8 @@ pub(super) fn check_targets(root: &Node, context: &Context<'_>) {
 /// Checks that a track may change the value at a path; otherwise says why not, with advice.
 fn target(root: &Node, path: &str) -> Result<(), (String, Option<String>)> {
     let fixed = ["version", "sampling", "meshes", "animation", "film.width", "film.height", "film.crop"];
-    let within = |whole: &str| path.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+    let within =
+        |whole: &str| path.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
     if fixed.into_iter().any(within) {
         let hint = format!("the same in all frames: {}, files and names", fixed.join(", "));
         return Err((format!("found {path:?}, which cannot be animated"), Some(hint)));
@@ -245,15 +257,22 @@ fn target(root: &Node, path: &str) -> Result<(), (String, Option<String>)> {
                 let whole: Vec<&str> = [&names[..depth], &[near], &names[depth + 1..]].concat();
                 format!("did you mean {:?}?", whole.join("."))
             });
-            let written = || "a track changes a value that the document contains: write its field there".to_owned();
-            return Err(("found no such value in the document".to_owned(), Some(hint.unwrap_or_else(written))));
+            let written =
+                || "a track changes a value that the document contains: write its field there".to_owned();
+            return Err((
+                "found no such value in the document".to_owned(),
+                Some(hint.unwrap_or_else(written)),
+            ));
         };
         node = next;
     }
     if is_animatable(node) {
         return Ok(());
     }
-    Err((format!("found the path of {}, expected that of a number, a vector or a transform", kind(node)), None))
+    Err((
+        format!("found the path of {}, expected that of a number, a vector or a transform", kind(node)),
+        None,
+    ))
 }
 
 /// Whether there are only numbers in a value, and at least one.
@@ -261,7 +280,9 @@ fn is_animatable(node: &Node) -> bool {
     match &node.value {
         Value::Number(_) => true,
         Value::List(items) => !items.is_empty() && items.iter().all(is_animatable),
-        Value::Object(members) => !members.is_empty() && members.iter().all(|member| is_animatable(&member.node)),
+        Value::Object(members) => {
+            !members.is_empty() && members.iter().all(|member| is_animatable(&member.node))
+        }
         Value::Null | Value::Bool(_) | Value::Text(_) => false,
     }
 }
@@ -304,7 +325,9 @@ impl Track {
         let after = self.keys.partition_point(|key| key.frame <= frame);
         let before = &self.keys[after.saturating_sub(1)];
         let mut value = match self.keys.get(after) {
-            Some(next) if after > 0 && self.interpolation == Interpolation::Linear && before.frame != frame => {
+            Some(next)
+                if after > 0 && self.interpolation == Interpolation::Linear && before.frame != frame =>
+            {
                 let length = f64::from(next.frame) - f64::from(before.frame);
                 blend(&before.value, &next.value, (f64::from(frame) - f64::from(before.frame)) / length, name)
             }

@@ -57,7 +57,8 @@ pub(super) fn decode_path(at: &Cursor<'_>, path: &str, kind: AssetKind) -> Optio
         at.problem(format!("found {}, {wrong}", at.found()), Some(hint.to_owned()));
         return None;
     }
-    let extension = path.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase()).unwrap_or_default();
+    let extension =
+        path.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase()).unwrap_or_default();
     if !kind.extensions().contains(&extension.as_str()) {
         at.expected(&format!("the path of {}", kind.words()));
         return None;

@@ -40,9 +40,11 @@ pub(super) fn blendable(a: &Node, b: &Node, name: &str) -> Result<(), Mismatch> 
         (Value::List(a), Value::List(b)) if a.len() == b.len() => {
             a.iter().zip(b).try_for_each(|(a, b)| blendable(a, b, ""))
         }
-        (Value::Object(a), Value::Object(members)) if a.len() == members.len() => a.iter().try_for_each(|from| {
-            blendable(&from.node, b.get(&from.name).ok_or(Mismatch::Shape)?, &from.name)
-        }),
+        (Value::Object(a), Value::Object(members)) if a.len() == members.len() => {
+            a.iter().try_for_each(|from| {
+                blendable(&from.node, b.get(&from.name).ok_or(Mismatch::Shape)?, &from.name)
+            })
+        }
         _ => Err(Mismatch::Shape),
     }
 }
@@ -125,7 +127,8 @@ impl Parts {
             scale.x = -scale.x;
         }
         let axes = DMat3::from_cols(m.x_axis / scale.x, m.y_axis / scale.y, m.z_axis / scale.z);
-        let cosines = [axes.x_axis.dot(axes.y_axis), axes.y_axis.dot(axes.z_axis), axes.z_axis.dot(axes.x_axis)];
+        let cosines =
+            [axes.x_axis.dot(axes.y_axis), axes.y_axis.dot(axes.z_axis), axes.z_axis.dot(axes.x_axis)];
         // Written so that a NaN, from a scale of 0, counts as sheared.
         if !cosines.into_iter().all(|cosine| cosine.abs() <= SHEAR) {
             return Err(Mismatch::Sheared);

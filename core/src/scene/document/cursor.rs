@@ -173,7 +173,11 @@ impl<'a> Cursor<'a> {
         }
         let allowed = || format!("{what} types: {}", tags.join(", "));
         let Some(member) = self.member("type") else {
-            self.member_problem("type", format!("found nothing, expected the type of the {what}"), Some(allowed()));
+            self.member_problem(
+                "type",
+                format!("found nothing, expected the type of the {what}"),
+                Some(allowed()),
+            );
             return None;
         };
         let Value::Text(found) = &member.node.value else {

@@ -229,7 +229,9 @@ impl Decode for String {
         match allowed.meaning {
             Meaning::Word | Meaning::Path => json!({"type": "string"}),
             Meaning::File(kind) => json!({"type": "string", "title": format!("path of {}", kind.words())}),
-            Meaning::NameIn(table) => json!({"type": "string", "title": format!("name in `{}`", table.field())}),
+            Meaning::NameIn(table) => {
+                json!({"type": "string", "title": format!("name in `{}`", table.field())})
+            }
         }
     }
 
@@ -325,7 +327,10 @@ impl<T: Decode> Decode for Named<T> {
             return None;
         };
         if members.len() as u64 > at.context.limits.max_names {
-            at.problem(format!("found {} names, the limit is {}", members.len(), at.context.limits.max_names), None);
+            at.problem(
+                format!("found {} names, the limit is {}", members.len(), at.context.limits.max_names),
+                None,
+            );
             return None;
         }
         if (members.len() as f64) < allowed.min {

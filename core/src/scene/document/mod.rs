@@ -12,7 +12,6 @@ mod cursor;
 mod decode;
 mod description;
 mod limits;
-mod load;
 mod macros;
 mod named;
 mod nearest;
@@ -33,11 +32,10 @@ use std::sync::Arc;
 
 pub use asset::{AssetKind, AssetRef};
 pub use description::{
-    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance, Integrator, Light,
-    LookAt, Material, MeshFile, Sampling, Scale, SdfNode, SdfObject, SdfSettings, Sphere,
+    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance, Integrator,
+    Light, LookAt, Material, MeshFile, Sampling, Scale, SdfNode, SdfObject, SdfSettings, Sphere,
 };
 pub use limits::Limits;
-pub use load::{AssetSource, Assets, Folder};
 pub use named::Named;
 pub use overrides::Overrides;
 pub use problem::{Problem, Problems};
@@ -167,7 +165,10 @@ impl Inner {
         let (values, keyed) = (self.root.count(), frames.len() as u64);
         let refuse = |message: String| Err(Problem::new(&self.source.origin, "animation", message).into());
         if keyed > self.limits.max_key_frames {
-            return refuse(format!("found keys on {keyed} frames, the limit is {}", self.limits.max_key_frames));
+            return refuse(format!(
+                "found keys on {keyed} frames, the limit is {}",
+                self.limits.max_key_frames
+            ));
         }
         if keyed * values > MAX_KEY_WORK {
             return refuse(format!(

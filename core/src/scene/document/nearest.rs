@@ -10,7 +10,8 @@ pub(super) fn nearest<'a>(found: &str, known: impl IntoIterator<Item = &'a str>)
         return None;
     }
     let allowed = length / 3 + 1;
-    let near = known.into_iter().take(COMPARED).filter(|name| name.len().abs_diff(found.len()) <= allowed * 4);
+    let near =
+        known.into_iter().take(COMPARED).filter(|name| name.len().abs_diff(found.len()) <= allowed * 4);
     near.map(|name| (strsim::damerau_levenshtein(found, name), name))
         .filter(|&(distance, _)| distance <= allowed && distance < length.max(2))
         .min_by_key(|&(distance, _)| distance)

@@ -1,8 +1,9 @@
 //! Owns the changes that a person or a job makes to a description without editing the document.
 
+use crate::film::Region;
 use crate::scene::document::cursor::{Context, Cursor};
 use crate::scene::document::decode::Decode;
-use crate::scene::document::description::{Crop, Description, Film, Goal, Sampling};
+use crate::scene::document::description::{Description, Film, Goal, Sampling};
 use crate::scene::document::limits::Limits;
 use crate::scene::document::problem::Problems;
 use crate::scene::document::rule::Allowed;
@@ -27,7 +28,7 @@ pub struct Overrides {
     /// Width and height of the film, in pixels.
     pub size: Option<(u32, u32)>,
     /// The part of the film that is rendered.
-    pub crop: Option<Crop>,
+    pub crop: Option<Region>,
 }
 
 impl Description {
@@ -63,13 +64,11 @@ impl Description {
 /// The film's size and crop as a document would say them.
 fn film(film: &Film, overrides: &Overrides) -> Node {
     let (width, height) = overrides.size.unwrap_or((film.width, film.height));
-    let crop = overrides.crop.or(film.crop).map(|crop| {
-        object([
-            ("x", integer(Some(crop.x))),
-            ("y", integer(Some(crop.y))),
-            ("width", integer(Some(crop.width))),
-            ("height", integer(Some(crop.height))),
-        ])
+    let given = overrides.crop.map(|region| [region.x0, region.y0, region.width(), region.height()]);
+    let kept = film.crop.map(|crop| [crop.x, crop.y, crop.width, crop.height]);
+    let crop = given.or(kept).map(|numbers| {
+        let [x, y, width, height] = numbers.map(|number| integer(Some(number)));
+        object([("x", x), ("y", y), ("width", width), ("height", height)])
     });
     object([("width", integer(Some(width))), ("height", integer(Some(height))), ("crop", crop)])
 }
@@ -105,6 +104,7 @@ fn number(value: Option<f64>) -> Option<Node> {
 
 /// An object of the members that are there.
 fn object<const N: usize>(members: [(&str, Option<Node>); N]) -> Node {
-    let member = |(name, node): (&str, Option<Node>)| Some(Member { name: name.to_owned(), start: 0, node: node? });
+    let member =
+        |(name, node): (&str, Option<Node>)| Some(Member { name: name.to_owned(), start: 0, node: node? });
     Node::made(Value::Object(members.into_iter().filter_map(member).collect()))
 }

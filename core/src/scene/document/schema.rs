@@ -45,7 +45,13 @@ impl Fields {
     }
 
     /// Adds a field.
-    pub(super) fn add<T: Decode>(&mut self, name: &str, about: &str, rule: Rule<T>, definitions: &mut Definitions) {
+    pub(super) fn add<T: Decode>(
+        &mut self,
+        name: &str,
+        about: &str,
+        rule: Rule<T>,
+        definitions: &mut Definitions,
+    ) {
         let mut schema = T::schema(&rule.allowed, definitions);
         schema["description"] = json!(about.trim());
         match rule.default.as_ref().map(T::show) {

@@ -37,7 +37,13 @@ impl Source {
     }
 
     /// A problem at a byte offset.
-    pub(super) fn problem(&self, offset: u32, path: String, message: String, hint: Option<String>) -> Problem {
+    pub(super) fn problem(
+        &self,
+        offset: u32,
+        path: String,
+        message: String,
+        hint: Option<String>,
+    ) -> Problem {
         let (line, column) = self.place(offset);
         Problem { origin: self.origin.clone(), line, column, path, message, hint }
     }

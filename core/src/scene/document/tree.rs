@@ -164,7 +164,10 @@ fn convert(value: ast::Value<'_>, path: &Path<'_>, source: &Source, problems: &m
 }
 
 fn convert_members(
-    object: ast::Object<'_>, path: &Path<'_>, source: &Source, problems: &mut Problems,
+    object: ast::Object<'_>,
+    path: &Path<'_>,
+    source: &Source,
+    problems: &mut Problems,
 ) -> Vec<Member> {
     let mut members: Vec<Member> = Vec::with_capacity(object.properties.len());
     for property in object.properties {

@@ -13,9 +13,7 @@ pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};
 pub use surface::{ColorTexture, Instance, Material, MeshFile, Sphere};
 pub use transform::{Components, LookAt, Scale};
 
-pub(super) use sampling::SamplingFields;
 pub(super) use transform::{from_rows, to_rows};
-pub(super) use view::fits;
 pub use view::{Camera, Crop, Film, Filter};
 
 use crate::scene::Named;

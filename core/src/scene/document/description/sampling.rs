@@ -42,7 +42,7 @@ object! {
     "sampling";
     /// How many samples the pixels get: a fixed number, or as many as it takes to reach a target error.
     /// Cannot be animated.
-    pub(in crate::scene::document) struct SamplingFields checked by is_one_goal {
+    struct SamplingFields checked by is_one_goal {
         /// Samples per pixel; not together with `target_error`. 64 where neither is given.
         spp: Option<u32> = optional().from(1.0).to(MAX_SPP);
         /// Square root of the relative mean squared error at which a frame is finished.

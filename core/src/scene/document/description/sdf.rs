@@ -127,7 +127,9 @@ impl SdfNode {
             Self::Union { children } | Self::SmoothUnion { children, .. } => &mut children.values(),
             Self::Transform { child, .. } => &mut std::iter::once(child.as_ref()),
         };
-        children.map(Self::size).fold((1, 1), |(count, depth), (nodes, below)| (count + nodes, depth.max(below + 1)))
+        children
+            .map(Self::size)
+            .fold((1, 1), |(count, depth), (nodes, below)| (count + nodes, depth.max(below + 1)))
     }
 }
 
@@ -148,7 +150,8 @@ fn is_small(object: &SdfObject, at: &Cursor<'_>) -> bool {
         at.member_problem("tree", format!("found nodes nested {depth} deep, the limit is {MAX_DEPTH}"), None);
     }
     if before <= limit && total > limit {
-        let message = format!("found {total} SDF nodes up to here, the limit is {limit} in all objects together");
+        let message =
+            format!("found {total} SDF nodes up to here, the limit is {limit} in all objects together");
         at.member_problem("tree", message, None);
     }
     depth <= MAX_DEPTH && total <= limit

@@ -93,11 +93,12 @@ impl Film {
 }
 
 /// Whether the film is within the limit of pixels and the crop within the film.
-pub(in crate::scene::document) fn fits(film: &Film, at: &Cursor<'_>) -> bool {
+fn fits(film: &Film, at: &Cursor<'_>) -> bool {
     let pixels = u64::from(film.width) * u64::from(film.height);
     let limit = at.context.limits.max_pixels;
     if pixels > limit {
-        let message = format!("found {} x {} = {pixels} pixels, the limit is {limit}", film.width, film.height);
+        let message =
+            format!("found {} x {} = {pixels} pixels, the limit is {limit}", film.width, film.height);
         at.problem(message, None);
         return false;
     }
@@ -106,7 +107,8 @@ pub(in crate::scene::document) fn fits(film: &Film, at: &Cursor<'_>) -> bool {
     let (right, bottom) = (crop.x + crop.width, crop.y + crop.height);
     let inside = right <= film.width && bottom <= film.height;
     if !inside {
-        let message = format!("found a crop to ({right}, {bottom}) of a film of {} x {}", film.width, film.height);
+        let message =
+            format!("found a crop to ({right}, {bottom}) of a film of {} x {}", film.width, film.height);
         at.member_problem("crop", message, None);
     }
     inside

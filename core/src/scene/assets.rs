@@ -1,16 +1,15 @@
-//! Owns loading the asset files of a document: meshes and images, each read once, within the limits.
+//! Owns the asset files of a document: meshes and images, each read once and within the limits.
 
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::mesh::{self, Mesh};
-use crate::scene::document::Document;
-use crate::scene::document::asset::{AssetKind, AssetRef};
-use crate::scene::document::limits::Limits;
-use crate::scene::document::problem::Problems;
-use crate::texture::{ColorSpace, Image, Texels};
+use crate::bvh::triangle::TriangleBvh;
+use crate::mesh;
+use crate::scene::document::{AssetKind, AssetRef, Document, Limits, Problems};
+use crate::scene::object::PreparedMesh;
+use crate::texture::Image;
 
 /// Where asset files come from; paths are those of [`AssetRef::path`].
 pub trait AssetSource: Sync {
@@ -46,7 +45,10 @@ impl Folder {
     fn resolve(&self, path: &str) -> Result<PathBuf, io::Error> {
         let found = self.root.join(path).canonicalize()?;
         if !found.starts_with(&self.root) {
-            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "leads out of the document's folder"));
+            return Err(io::Error::new(
+                io::ErrorKind::PermissionDenied,
+                "leads out of the document's folder",
+            ));
         }
         if !found.is_file() {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not a regular file"));
@@ -68,8 +70,8 @@ impl AssetSource for Folder {
 /// The asset files of a document, read and checked.
 #[derive(Debug, Clone, Default)]
 pub struct Assets {
-    meshes: BTreeMap<String, Arc<Mesh>>,
-    images: BTreeMap<String, Arc<Texels>>,
+    meshes: BTreeMap<String, Arc<PreparedMesh>>,
+    images: BTreeMap<String, Arc<Image>>,
 }
 
 /// What is left of the limits while files are loaded.
@@ -103,27 +105,31 @@ impl Assets {
         let bytes = source.read(&asset.path).map_err(|error| reading(&error))?;
         match asset.kind {
             AssetKind::Mesh => {
-                let mesh = mesh::read(&bytes, &asset.path, left.triangles).map_err(|error| error.to_string())?;
+                let mesh =
+                    mesh::read(&bytes, &asset.path, left.triangles).map_err(|error| error.to_string())?;
                 left.triangles -= mesh.triangles.len() as u64;
-                self.meshes.insert(asset.path.clone(), Arc::new(mesh));
+                let corners =
+                    mesh.triangles.iter().map(|corners| corners.map(|index| mesh.positions[index as usize]));
+                let tree = TriangleBvh::build(corners).map_err(|error| error.to_string())?;
+                self.meshes.insert(asset.path.clone(), Arc::new(PreparedMesh { mesh, tree }));
             }
             AssetKind::Image => {
-                let texels = Texels::read(&bytes, left.texels).map_err(|error| error.to_string())?;
-                left.texels -= u64::from(texels.width()) * u64::from(texels.height());
-                self.images.insert(asset.path.clone(), Arc::new(texels));
+                let image = Image::read(&bytes, left.texels).map_err(|error| error.to_string())?;
+                left.texels -= u64::from(image.width()) * u64::from(image.height());
+                self.images.insert(asset.path.clone(), Arc::new(image));
             }
         }
         Ok(())
     }
 
-    /// The mesh in a file that the document names.
-    pub fn mesh(&self, path: &str) -> Option<Arc<Mesh>> {
+    /// The mesh in a file that the document names, with the tree over its triangles.
+    pub fn mesh(&self, path: &str) -> Option<Arc<PreparedMesh>> {
         self.meshes.get(path).cloned()
     }
 
-    /// The image in a file that the document names, in a colour space; the texels are shared.
-    pub fn image(&self, path: &str, color_space: ColorSpace) -> Option<Arc<Image>> {
-        self.images.get(path).map(|texels| Arc::new(Image::new(texels.clone(), color_space)))
+    /// The image in a file that the document names.
+    pub fn image(&self, path: &str) -> Option<Arc<Image>> {
+        self.images.get(path).cloned()
     }
 }
 
