@@ -30,6 +30,8 @@ pub mod warp;
 
 pub mod texture;
 
+pub mod sdf;
+
 pub mod mesh;
 
 pub mod bvh;
@@ -43,5 +45,9 @@ pub mod camera;
 pub mod film;
 
 pub mod scene;
+
+pub mod integrator;
+
+pub mod render;
 
 pub mod encode;
