@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use karst_core::scene::{Document, Limits};
+use karst_core::scene::{Document, Limits, Problems};
 
 use crate::{Blob, Error};
 
@@ -31,7 +31,7 @@ impl SceneFiles {
 pub fn read_scene(path: &Path) -> Result<SceneFiles, Error> {
     let text = read_document(path, &Limits::default())?;
     let document = Document::parse(&text, &path.display().to_string(), &Limits::default())
-        .map_err(Error::Scene)?;
+        .map_err(|problems| scene_error(&problems))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let files = document
         .assets()
@@ -41,8 +41,20 @@ pub fn read_scene(path: &Path) -> Result<SceneFiles, Error> {
     Ok(SceneFiles { name: scene_name(path), document: Blob::of_bytes(text.as_bytes()), files })
 }
 
+/// All problems of a scene as one error.
+pub fn scene_error(problems: &Problems) -> Error {
+    let mut lines: Vec<String> = problems.problems.iter().map(ToString::to_string).collect();
+    if problems.total > lines.len() {
+        lines.push(format!("… and {} more", problems.total - lines.len()));
+    }
+    Error::Scene(lines.join("\n"))
+}
+
 /// The text of a document that is not over the limit.
-pub(crate) fn read_document(path: &Path, limits: &Limits) -> Result<String, Error> {
+///
+/// # Errors
+/// The file cannot be read, is not text, or is too large.
+pub fn read_document(path: &Path, limits: &Limits) -> Result<String, Error> {
     let failed = |source| Error::file(path, source);
     let size = std::fs::metadata(path).map_err(failed)?.len();
     let limit = limits.max_document_bytes as u64;
