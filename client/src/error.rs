@@ -60,7 +60,9 @@ impl Error {
     pub fn reason(&self) -> Option<ErrorReason> {
         match self {
             Self::Call { status, .. } => reason(status),
-            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Connect { .. } | Self::Failed(_) => None,
+            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Connect { .. } | Self::Failed(_) => {
+                None
+            }
         }
     }
 
@@ -126,7 +128,10 @@ mod tests {
         let violations =
             [Violation::new("job.settings.spp", "found 0"), Violation::new("job.tile_size", "found 7")];
         let error = Error::call("submit", bad_request(ErrorReason::FieldInvalid, &violations));
-        assert_eq!(error.to_string(), "submit: 2 problems\njob.settings.spp: found 0\njob.tile_size: found 7");
+        assert_eq!(
+            error.to_string(),
+            "submit: 2 problems\njob.settings.spp: found 0\njob.tile_size: found 7"
+        );
         assert_eq!(error.exit_code(), 2);
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use karst_core::film::FrameSummary;
+use karst_core::film::{FrameSummary, Region};
 use serde::Serialize;
 
 /// One rendered frame. Seconds are of the wall clock.
@@ -36,15 +36,15 @@ pub(crate) struct Report {
 
 impl Report {
     /// The figures that the film knows; times and stages are filled in by the caller.
-    pub(crate) fn of(summary: &FrameSummary, frame: i32, threads: usize) -> Self {
+    pub(crate) fn of(summary: &FrameSummary, window: Region, frame: i32, threads: usize) -> Self {
         let counters = &summary.counters;
         Self {
             frame,
             render_seconds: 0.0,
             wall_seconds: 0.0,
             threads,
-            width: 0,
-            height: 0,
+            width: window.width(),
+            height: window.height(),
             samples: summary.samples,
             spp_mean: summary.spp_mean,
             rays: counters.rays + counters.shadow_rays,

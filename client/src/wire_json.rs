@@ -105,8 +105,7 @@ mod tests {
     #[test]
     fn an_event_is_one_flat_line() {
         let job = Job { id: "j1".to_owned(), state: JobState::Running.into(), ..Job::default() };
-        let event =
-            JobEvent { revision: 7, resume_token: "t".to_owned(), event: Some(Event::Snapshot(job)) };
+        let event = JobEvent { revision: 7, resume_token: "t".to_owned(), event: Some(Event::Snapshot(job)) };
         let line = event_json(&event);
         assert_eq!(line["event"], "snapshot");
         assert_eq!(line["revision"], 7);

@@ -57,10 +57,9 @@ pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
 pub(super) fn crop(text: &str) -> Result<Region, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     let region = match numbers.as_deref() {
-        Some(&[x0, y0, width, height]) if width > 0 && height > 0 => x0
-            .checked_add(width)
-            .zip(y0.checked_add(height))
-            .map(|(x1, y1)| Region { x0, y0, x1, y1 }),
+        Some(&[x0, y0, width, height]) if width > 0 && height > 0 => {
+            x0.checked_add(width).zip(y0.checked_add(height)).map(|(x1, y1)| Region { x0, y0, x1, y1 })
+        }
         _ => None,
     };
     region.ok_or_else(|| "expected X,Y,WIDTH,HEIGHT in pixels, width and height from 1".to_owned())

@@ -1,6 +1,6 @@
 //! `karst check`: everything that a render would find wrong, without rendering.
 
-use karst_client::{Error, read_document, scene_error};
+use karst_client::{Error, read_document, scene_error, scene_folder};
 use karst_core::scene::{Assets, Document, Folder, Limits, Problems, Scene};
 use serde_json::{Value, json};
 
@@ -9,7 +9,9 @@ use crate::talk::Talk;
 
 pub(super) fn run(args: &CheckArgs, talk: Talk) -> Result<(), Error> {
     let text = read_document(&args.scene, &Limits::default())?;
-    match check(args, &text) {
+    let root = scene_folder(&args.scene);
+    let folder = Folder::new(root).map_err(|source| Error::file(root, source))?;
+    match check(args, &text, &folder) {
         Ok(found) => {
             talk.result(&found.text, &found.json);
             Ok(())
@@ -27,11 +29,10 @@ struct Found {
     json: Value,
 }
 
-fn check(args: &CheckArgs, text: &str) -> Result<Found, Problems> {
+fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problems> {
     let limits = Limits::default();
     let document = Document::parse(text, &args.scene.display().to_string(), &limits)?;
-    let folder = Folder::beside(&args.scene);
-    let assets = Assets::load(&document, &folder, &limits)?;
+    let assets = Assets::load(&document, folder, &limits)?;
     let frames = document.frames();
     let description = document.at(frames.first)?;
     let scene = Scene::build(&description, &assets, frames.first)?;

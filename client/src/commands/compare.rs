@@ -82,7 +82,8 @@ fn write_diff(path: &Path, pixels: &[[f32; 3]], width: u32, height: u32) -> Resu
 }
 
 fn describe(found: &Difference, corrected: Option<f64>) -> String {
-    let number = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| format!("{value:.6e}"));
+    let number =
+        |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| format!("{value:.6e}"));
     let mut lines = vec![
         format!("identical             {}", found.identical),
         format!("mse                   {:.6e}", found.mse),

@@ -47,7 +47,8 @@ pub(super) async fn download_frames(
         talk.say(&frame_line(frame));
         for file in &frame.files {
             let Some(path) = path_of(job, frame.frame, file.format()) else { continue };
-            if !wanted.formats.is_empty() && !wanted.formats.iter().any(|f| wire_format(*f) == file.format()) {
+            if !wanted.formats.is_empty() && !wanted.formats.iter().any(|f| wire_format(*f) == file.format())
+            {
                 continue;
             }
             let path = folder.join(path);
@@ -66,9 +67,7 @@ pub(super) async fn download_frames(
 /// Where a file goes inside the folder; `None` for a format that this client does not know.
 fn path_of(job: &Job, frame: i32, format: FrameFormat) -> Option<PathBuf> {
     let stem = safe_stem(job.spec.as_ref().map_or("", |spec| spec.display_name.as_str()));
-    let named = |ending: &str| {
-        of_frame(Path::new(&format!("{stem}.{ending}")), frame, job.frames_total > 1)
-    };
+    let named = |ending: &str| of_frame(Path::new(&format!("{stem}.{ending}")), frame, job.frames_total > 1);
     match format {
         FrameFormat::Exr => Some(named("exr")),
         FrameFormat::Png => Some(named("png")),

@@ -6,6 +6,7 @@ mod compare;
 mod fetch;
 mod follow;
 mod jobs;
+mod pictures;
 mod render;
 mod submit;
 mod watch;

@@ -2,7 +2,9 @@
 
 use karst_client::{Client, Error, SceneFiles, read_scene};
 use karst_proto::convert::settings_to_wire;
-use karst_proto::v1::{Denoise, FrameRange, Job, JobSpec, Scene, SceneFile, StreamTilesRequest, SubmitJobRequest};
+use karst_proto::v1::{
+    Denoise, FrameRange, Job, JobSpec, Scene, SceneFile, StreamTilesRequest, SubmitJobRequest,
+};
 use serde_json::json;
 
 use crate::args::{DenoiseArg, FrameList, SubmitArgs};
@@ -20,7 +22,12 @@ pub(super) async fn run(args: SubmitArgs, talk: Talk) -> Result<(), Error> {
             talk.event(&json!({"event": "uploaded", "digest": blob.digest(), "bytes": blob.size()}));
         })
         .await?;
-    talk.say(&format_args!("uploaded {} of {} files, {} bytes", uploaded.blobs, scene.files.len() + 1, uploaded.bytes));
+    talk.say(&format_args!(
+        "uploaded {} of {} files, {} bytes",
+        uploaded.blobs,
+        scene.files.len() + 1,
+        uploaded.bytes
+    ));
     let job = client.submit(request(&args, &scene)).await?;
     let submitted = Stopwatch::start();
     if args.validate_only {
@@ -42,10 +49,8 @@ async fn wait(
     talk: Talk,
 ) -> Result<(), Error> {
     let job = if args.tiles {
-        let (job, ()) = tokio::join!(
-            follow(client, &job.id, None, talk),
-            count_tiles(client, &job.id, submitted, talk)
-        );
+        let (job, ()) =
+            tokio::join!(follow(client, &job.id, None, talk), count_tiles(client, &job.id, submitted, talk));
         job?
     } else {
         follow(client, &job.id, None, talk).await?

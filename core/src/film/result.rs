@@ -163,7 +163,9 @@ impl TileResult {
                 out.extend(word.to_le_bytes());
             }
             out.extend(block.spread.iter().flat_map(|s| s.to_le_bytes()));
-            block.pixels.iter().for_each(|p| p.write(&mut out));
+            for pixel in &block.pixels {
+                pixel.write(&mut out);
+            }
         }
         out
     }

@@ -61,7 +61,7 @@ impl Round {
         let words: Vec<u32> =
             bytes.chunks_exact(4).map(|c| u32::from_le_bytes([c[0], c[1], c[2], c[3]])).collect();
         let [index, count, ranges @ ..] = words.as_slice() else { return Err(ResultError::Truncated) };
-        if bytes.len() % 4 != 0 || ranges.len() != *count as usize * 4 {
+        if !bytes.len().is_multiple_of(4) || ranges.len() != *count as usize * 4 {
             return Err(ResultError::Truncated);
         }
         let blocks: Vec<_> =

@@ -115,11 +115,11 @@ impl Film {
         let block = &mut self.blocks[from.block as usize];
         let before = block.samples[0] + block.samples[1];
         let added = [from.range.a.len() as u32, from.range.b.len() as u32];
-        for r in 0..2 {
-            block.samples[r] += added[r];
-            if added[r] >= 2 {
-                block.spread[r] += f64::from(added[r]) * f64::from(from.spread[r]);
-                block.spread_samples[r] += added[r];
+        for (r, &added) in added.iter().enumerate() {
+            block.samples[r] += added;
+            if added >= 2 {
+                block.spread[r] += f64::from(added) * f64::from(from.spread[r]);
+                block.spread_samples[r] += added;
             }
         }
         let weight = (added[0] + added[1]) as f32 / (before + added[0] + added[1]).max(1) as f32;
@@ -127,8 +127,8 @@ impl Film {
             pixel.a += new.a;
             pixel.b += new.b;
             pixel.depth = pixel.depth.min(new.depth);
-            blend(&mut pixel.albedo, &new.albedo, weight);
-            blend(&mut pixel.normal, &new.normal, weight);
+            blend(&mut pixel.albedo, new.albedo, weight);
+            blend(&mut pixel.normal, new.normal, weight);
         }
     }
 
@@ -249,7 +249,9 @@ impl Film {
                 out.extend(word.to_le_bytes());
             }
             out.extend(block.spread.iter().flat_map(|s| s.to_le_bytes()));
-            pixels.iter().for_each(|p| p.write(&mut out));
+            for pixel in pixels {
+                pixel.write(&mut out);
+            }
         }
         out
     }
@@ -314,7 +316,7 @@ fn confidence(sums: &[f64], pixels: &[Vec<PixelSums>], mean: f64, total: f64) ->
     [(mean - half).max(0.0), mean + half]
 }
 
-fn blend(into: &mut [f16; 3], new: &[f16; 3], weight: f32) {
+fn blend(into: &mut [f16; 3], new: [f16; 3], weight: f32) {
     for (have, new) in into.iter_mut().zip(new) {
         *have = f16::from_f32(have.to_f32() + (new.to_f32() - have.to_f32()) * weight);
     }
