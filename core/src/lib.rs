@@ -45,3 +45,9 @@ pub mod camera;
 pub mod film;
 
 pub mod scene;
+
+pub mod integrator;
+
+pub mod render;
+
+pub mod encode;
