@@ -48,9 +48,14 @@ fn the_cornell_box_agrees_with_another_renderer() {
     let want = [channel("R"), channel("G"), channel("B")];
     let film = render(&scene_in(&folder, CORNELL, 1), 64, 2);
     let colors = film.picture().color;
-    let got: [f64; 3] = std::array::from_fn(|c| colors.iter().map(|v| f64::from(v[c])).sum::<f64>() / colors.len() as f64);
+    let got: [f64; 3] =
+        std::array::from_fn(|c| colors.iter().map(|v| f64::from(v[c])).sum::<f64>() / colors.len() as f64);
     let pooled = got.iter().sum::<f64>() / want.iter().sum::<f64>() - 1.0;
-    println!("pooled mean {:+.4} %, by channel {got:?} against {want:?}, ± {:.5}", pooled * 100.0, pooled_mean(&film).1);
+    println!(
+        "pooled mean {:+.4} %, by channel {got:?} against {want:?}, ± {:.5}",
+        pooled * 100.0,
+        pooled_mean(&film).1
+    );
     assert!(pooled.abs() < 0.005, "pooled mean differs by {:.3} %", pooled * 100.0);
     assert!(got.iter().zip(&want).all(|(g, w)| (g / w - 1.0).abs() < 0.01), "{got:?} {want:?}");
 }

@@ -82,7 +82,10 @@ fn by_bytes(scene: &Scene, tile_size: u32) -> Film {
 fn results_and_films_survive_their_bytes() {
     for sampling in [FIXED, ADAPTIVE] {
         let scene = scene(&text(sampling, ""));
-        assert_eq!(fingerprint(&by_bytes(&scene, 48).picture()), fingerprint(&render(&scene, 64, 2).picture()));
+        assert_eq!(
+            fingerprint(&by_bytes(&scene, 48).picture()),
+            fingerprint(&render(&scene, 64, 2).picture())
+        );
     }
 }
 
