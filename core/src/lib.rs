@@ -27,3 +27,23 @@ pub mod math;
 
 pub mod sampler;
 pub mod warp;
+
+pub mod texture;
+
+pub mod mesh;
+
+pub mod bvh;
+
+pub mod bsdf;
+
+pub mod light;
+
+pub mod camera;
+
+pub mod film;
+
+pub mod scene;
+
+pub mod integrator;
+
+pub mod render;

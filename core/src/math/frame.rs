@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn frames_are_orthonormal_even_at_the_poles() {
         for n in
-            [Vec3::Z, -Vec3::Z, Vec3::X, Vec3::new(1e-8, -1e-8, -1.0).normalize(), Vec3::splat(0.57735026)]
+            [Vec3::Z, -Vec3::Z, Vec3::X, Vec3::new(1e-8, -1e-8, -1.0).normalize(), Vec3::splat(0.577_350_3)]
         {
             let f = Frame::new(n);
             for (a, b, want) in

@@ -1,0 +1,170 @@
+//! The connection to a server and its simple calls.
+
+use std::time::Duration;
+
+use karst_proto::MAX_MESSAGE_BYTES;
+use karst_proto::v1::assets_client::AssetsClient;
+use karst_proto::v1::frames_client::FramesClient;
+use karst_proto::v1::jobs_client::JobsClient;
+use karst_proto::v1::previews_client::PreviewsClient;
+use karst_proto::v1::{
+    CancelJobRequest, Frame, GetJobRequest, Job, JobState, ListFramesRequest, ListJobsRequest, PreviewTile,
+    StreamTilesRequest, SubmitJobRequest,
+};
+use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Status, Streaming};
+
+use crate::Error;
+use crate::retry::unary;
+
+/// A connection to a karst server; cheap to clone, reconnects by itself.
+#[derive(Clone, Debug)]
+pub struct Client {
+    channel: Channel,
+}
+
+impl Client {
+    /// Connects to `server`, such as `http://127.0.0.1:7878`.
+    ///
+    /// # Errors
+    /// The address is malformed or nobody answers within 5 s.
+    pub async fn connect(server: &str) -> Result<Self, Error> {
+        let endpoint = Endpoint::from_shared(server.to_owned())
+            .ok()
+            .filter(|endpoint| endpoint.uri().scheme_str() == Some("http"))
+            .ok_or_else(|| {
+                Error::Usage(format!("server address: found \"{server}\", expected http://HOST:PORT"))
+            })?
+            .connect_timeout(Duration::from_secs(5))
+            .http2_keep_alive_interval(Duration::from_secs(30))
+            .keep_alive_timeout(Duration::from_secs(10))
+            .tcp_nodelay(true);
+        let channel = endpoint
+            .connect()
+            .await
+            .map_err(|error| Error::Connect { server: server.to_owned(), cause: root_cause(&error) })?;
+        Ok(Self { channel })
+    }
+
+    pub(crate) fn assets(&self) -> AssetsClient<Channel> {
+        AssetsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(crate) fn job_calls(&self) -> JobsClient<Channel> {
+        JobsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(crate) fn frame_calls(&self) -> FramesClient<Channel> {
+        FramesClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    /// Submits a job; repeated by itself when the server is away, which the request's `request_id` makes safe.
+    ///
+    /// # Errors
+    /// As `Jobs.SubmitJob`.
+    pub async fn submit(&self, request: SubmitJobRequest) -> Result<Job, Error> {
+        unary("submit", || {
+            let (mut jobs, request) = (self.job_calls(), request.clone());
+            async move { jobs.submit_job(request).await }
+        })
+        .await
+    }
+
+    /// The job as it is now.
+    ///
+    /// # Errors
+    /// As `Jobs.GetJob`.
+    pub async fn job(&self, id: &str) -> Result<Job, Error> {
+        unary("job", || {
+            let (mut jobs, job) = (self.job_calls(), id.to_owned());
+            async move { jobs.get_job(GetJobRequest { job }).await }
+        })
+        .await
+    }
+
+    /// The newest `limit` jobs in any of `states` (empty: all), the newest first.
+    ///
+    /// # Errors
+    /// As `Jobs.ListJobs`.
+    pub async fn jobs(&self, states: &[JobState], limit: usize) -> Result<Vec<Job>, Error> {
+        let mut found: Vec<Job> = Vec::new();
+        let mut page_token = String::new();
+        while found.len() < limit {
+            let request = ListJobsRequest {
+                page_size: (limit - found.len()).min(100) as u32,
+                page_token,
+                states: states.iter().map(|state| i32::from(*state)).collect(),
+            };
+            let page = unary("jobs", || {
+                let (mut jobs, request) = (self.job_calls(), request.clone());
+                async move { jobs.list_jobs(request).await }
+            })
+            .await?;
+            found.extend(page.jobs);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                break;
+            }
+        }
+        found.truncate(limit);
+        Ok(found)
+    }
+
+    /// Stops a job.
+    ///
+    /// # Errors
+    /// As `Jobs.CancelJob`.
+    pub async fn cancel(&self, id: &str) -> Result<Job, Error> {
+        unary("cancel", || {
+            let (mut jobs, job) = (self.job_calls(), id.to_owned());
+            async move { jobs.cancel_job(CancelJobRequest { job }).await }
+        })
+        .await
+    }
+
+    /// All frames of a job.
+    ///
+    /// # Errors
+    /// As `Frames.ListFrames`.
+    pub async fn frames(&self, id: &str) -> Result<Vec<Frame>, Error> {
+        let mut found = Vec::new();
+        let mut page_token = String::new();
+        loop {
+            let request = ListFramesRequest { job: id.to_owned(), page_size: 0, page_token };
+            let page = unary("frames", || {
+                let (mut frames, request) = (self.frame_calls(), request.clone());
+                async move { frames.list_frames(request).await }
+            })
+            .await?;
+            found.extend(page.frames);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(found);
+            }
+        }
+    }
+
+    /// Tiles as they improve; lossy, the newest wins.
+    ///
+    /// # Errors
+    /// As `Previews.StreamTiles`.
+    pub async fn stream_tiles(&self, request: StreamTilesRequest) -> Result<Streaming<PreviewTile>, Error> {
+        let mut previews =
+            PreviewsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        let response = previews.stream_tiles(request).await.map_err(|status| Error::call("preview", status))?;
+        Ok(response.into_inner())
+    }
+}
+
+/// A status for a stream that ended before it should have.
+pub(crate) fn broken_off() -> Status {
+    Status::new(Code::Unavailable, "the stream broke off")
+}
+
+fn root_cause(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(deeper) = cause.source() {
+        cause = deeper;
+    }
+    cause.to_string().to_lowercase()
+}

@@ -1,0 +1,154 @@
+//! What can go wrong in the client: the message, the hint and the exit code that belong to it.
+
+use std::fmt::Write as _;
+use std::io;
+use std::path::PathBuf;
+
+use karst_core::scene::Problems;
+use karst_proto::errors::{ErrorReason, reason, violations};
+use tonic::{Code, Status};
+
+/// A failed command or call.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The caller asked for something that makes no sense.
+    #[error("{0}")]
+    Usage(String),
+    /// The scene document or one of its assets is wrong.
+    #[error("{}", describe_problems(.0))]
+    Scene(Problems),
+    /// A file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// No server answers at this address.
+    #[error("cannot reach {server}: {cause}")]
+    Connect {
+        /// The address.
+        server: String,
+        /// Why.
+        cause: String,
+    },
+    /// The server refused a call, or it broke off for good.
+    #[error("{call}: {}", describe_status(status))]
+    Call {
+        /// Name of the call.
+        call: &'static str,
+        /// What the server said.
+        status: Box<Status>,
+    },
+    /// What was asked for did not succeed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl Error {
+    /// A [`Error::File`].
+    pub fn file(path: impl Into<PathBuf>, source: io::Error) -> Self {
+        Self::File { path: path.into(), source }
+    }
+
+    /// A [`Error::Call`].
+    pub fn call(call: &'static str, status: Status) -> Self {
+        Self::Call { call, status: Box::new(status) }
+    }
+
+    /// The reason that the server gave, if it was the server.
+    pub fn reason(&self) -> Option<ErrorReason> {
+        match self {
+            Self::Call { status, .. } => reason(status),
+            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Connect { .. } | Self::Failed(_) => None,
+        }
+    }
+
+    /// What the user may do about it.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Connect { .. } => {
+                Some("start a server with `karst-server serve`, or name one with --server or KARST_SERVER")
+            }
+            Self::Call { status, .. } => call_hint(status),
+            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Failed(_) => None,
+        }
+    }
+
+    /// Exit code of the process: 2 for bad input, 1 for every other failure.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::Scene(_) => 2,
+            Self::Call { status, .. } if status.code() == Code::InvalidArgument => 2,
+            Self::File { .. } | Self::Connect { .. } | Self::Call { .. } | Self::Failed(_) => 1,
+        }
+    }
+}
+
+fn call_hint(status: &Status) -> Option<&'static str> {
+    match reason(status)? {
+        ErrorReason::JobNotFound => Some("`karst jobs` lists the jobs of this server"),
+        ErrorReason::FrameNotFinished => Some("`karst watch JOB` waits for it"),
+        ErrorReason::DenoiserUnavailable => Some("submit with `--denoise off`"),
+        ErrorReason::DigestMismatch => Some("a file changed while it was uploaded: submit again"),
+        ErrorReason::StorageFull => Some("free space in the server's data folder"),
+        _ => None,
+    }
+}
+
+fn describe_status(status: &Status) -> String {
+    let (listed, total) = violations(status);
+    if listed.len() < 2 {
+        return if status.message().is_empty() {
+            status.code().description().to_lowercase()
+        } else {
+            status.message().to_owned()
+        };
+    }
+    let mut text = format!("{total} problems");
+    for violation in &listed {
+        let _ = write!(text, "\n{}: {}", violation.field, violation.description);
+    }
+    if total > listed.len() {
+        let _ = write!(text, "\n… and {} more", total - listed.len());
+    }
+    text
+}
+
+fn describe_problems(problems: &Problems) -> String {
+    let mut lines: Vec<String> = problems.problems.iter().map(ToString::to_string).collect();
+    if problems.total > lines.len() {
+        lines.push(format!("… and {} more", problems.total - lines.len()));
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Error;
+    use karst_proto::errors::{ErrorReason, Violation, bad_request, status};
+    use tonic::{Code, Status};
+
+    #[test]
+    fn a_refusal_lists_every_field() {
+        let violations =
+            [Violation::new("job.settings.spp", "found 0"), Violation::new("job.tile_size", "found 7")];
+        let error = Error::call("submit", bad_request(ErrorReason::FieldInvalid, &violations));
+        assert_eq!(error.to_string(), "submit: 2 problems\njob.settings.spp: found 0\njob.tile_size: found 7");
+        assert_eq!(error.exit_code(), 2);
+    }
+
+    #[test]
+    fn an_unknown_job_has_a_hint() {
+        let error = Error::call("watch", status(Code::NotFound, ErrorReason::JobNotFound, "no job \"x\""));
+        assert_eq!(error.to_string(), "watch: no job \"x\"");
+        assert_eq!(error.hint(), Some("`karst jobs` lists the jobs of this server"));
+        assert_eq!(error.exit_code(), 1);
+    }
+
+    #[test]
+    fn a_status_without_text_still_says_something() {
+        assert!(Error::call("watch", Status::new(Code::Internal, "")).to_string().len() > 10);
+    }
+}

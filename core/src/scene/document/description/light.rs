@@ -1,0 +1,17 @@
+//! Owns the lights that are not surfaces.
+
+use glam::Vec3;
+
+use crate::scene::document::macros::variants;
+
+variants! {
+    "light";
+    /// A light that is not a surface.
+    pub enum Light {
+        /// Light from all directions, infinitely far away.
+        "environment" => Environment {
+            /// Radiance, linear Rec.709.
+            radiance: Vec3 = required().from(0.0);
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! Owns the description of one frame: plain data, checked, with all animation resolved.
+
+mod light;
+mod sampling;
+mod sdf;
+mod surface;
+mod transform;
+mod view;
+
+pub use light::Light;
+pub use sampling::{Goal, Integrator, Sampling};
+pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};
+pub use surface::{ColorTexture, Instance, Material, MeshFile, Sphere};
+pub use transform::{Components, LookAt};
+pub use view::{Camera, Crop, Film, Filter};
+
+use crate::scene::Named;
+
+/// One frame of a scene: what a document says once its animation is resolved.
+///
+/// Everything a document can get wrong by itself has been checked: ranges, references, limits.
+/// Asset files are named, not read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// Name of the document, for messages.
+    pub origin: String,
+    /// Where the picture is taken from.
+    pub camera: Camera,
+    /// The picture.
+    pub film: Film,
+    /// How many samples a pixel gets.
+    pub sampling: Sampling,
+    /// Limits of the light paths.
+    pub integrator: Integrator,
+    /// Surfaces' materials by name.
+    pub materials: Named<Material>,
+    /// Mesh files by name.
+    pub meshes: Named<MeshFile>,
+    /// Placed meshes by name.
+    pub instances: Named<Instance>,
+    /// Spheres by name.
+    pub spheres: Named<Sphere>,
+    /// Objects made of distance functions, by name.
+    pub sdf_objects: Named<SdfObject>,
+    /// Lights that are not surfaces, by name.
+    pub lights: Named<Light>,
+}

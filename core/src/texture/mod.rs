@@ -1,0 +1,10 @@
+//! Owns colours that vary over a surface.
+
+/// What the numbers in an image file mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColorSpace {
+    /// The sRGB curve: pictures.
+    Srgb,
+    /// Proportional to light: data.
+    Linear,
+}

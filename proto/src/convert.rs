@@ -1,0 +1,1 @@
+//! The only file that names both wire and core types: translation and validation of untrusted fields.
