@@ -12,6 +12,7 @@ use futures::TryStreamExt;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Name;
 use object_store::{ObjectStore, ObjectStoreExt};
+use prost::bytes::Bytes;
 
 use crate::digest::Digest;
 use crate::error::Error;
@@ -67,21 +68,14 @@ impl Blobs {
     ///
     /// # Errors
     /// When the disk is full or fails.
-    pub async fn put(&self, kind: Kind, bytes: Vec<u8>) -> Result<Digest, Error> {
-        let (digest, bytes) = tokio::task::spawn_blocking(move || (Digest::of(&bytes), bytes)).await?;
-        self.put_as(kind, digest, bytes).await?;
-        Ok(digest)
-    }
-
-    /// Like [`Blobs::put`] for a caller that has just computed the digest of these bytes.
-    ///
-    /// # Errors
-    /// When the disk is full or fails.
-    pub async fn put_as(&self, kind: Kind, digest: Digest, bytes: Vec<u8>) -> Result<(), Error> {
+    pub async fn put(&self, kind: Kind, bytes: impl Into<Bytes>) -> Result<Digest, Error> {
+        let bytes: Bytes = bytes.into();
+        let hashed = bytes.clone();
+        let digest = tokio::task::spawn_blocking(move || Digest::of(&hashed)).await?;
         if self.size(kind, &digest).await?.is_none() {
             self.store.put(&kind.name(&digest), bytes.into()).await?;
         }
-        Ok(())
+        Ok(digest)
     }
 
     /// The bytes of `digest`, checked.
@@ -181,8 +175,8 @@ mod tests {
     async fn bytes_come_back_and_damage_is_noticed() {
         let dir = tempfile::tempdir().unwrap();
         let blobs = Blobs::open(dir.path()).unwrap();
-        let digest = blobs.put(Kind::Film, b"film".to_vec()).await.unwrap();
-        assert_eq!(blobs.put(Kind::Film, b"film".to_vec()).await.unwrap(), digest);
+        let digest = blobs.put(Kind::Film, &b"film"[..]).await.unwrap();
+        assert_eq!(blobs.put(Kind::Film, &b"film"[..]).await.unwrap(), digest);
         assert_eq!(blobs.get(Kind::Film, digest).await.unwrap(), b"film");
         assert_eq!(blobs.size(Kind::Film, &digest).await.unwrap(), Some(4));
         assert_eq!(blobs.size(Kind::Pack, &digest).await.unwrap(), None);
@@ -198,9 +192,9 @@ mod tests {
     async fn a_sweep_takes_only_what_nobody_keeps() {
         let dir = tempfile::tempdir().unwrap();
         let blobs = Blobs::open(dir.path()).unwrap();
-        let kept = blobs.put(Kind::Pack, b"kept".to_vec()).await.unwrap();
-        let lost = blobs.put(Kind::Pack, b"lost".to_vec()).await.unwrap();
-        let other = blobs.put(Kind::Film, b"lost".to_vec()).await.unwrap();
+        let kept = blobs.put(Kind::Pack, &b"kept"[..]).await.unwrap();
+        let lost = blobs.put(Kind::Pack, &b"lost"[..]).await.unwrap();
+        let other = blobs.put(Kind::Film, &b"lost"[..]).await.unwrap();
         assert_eq!(blobs.sweep(Kind::Pack, &BTreeSet::from([kept])).await.unwrap(), 1);
         assert_eq!(blobs.size(Kind::Pack, &kept).await.unwrap(), Some(4));
         assert_eq!(blobs.size(Kind::Pack, &lost).await.unwrap(), None);

@@ -137,6 +137,15 @@ impl Upload {
         Ok(())
     }
 
+    /// The stream broke off: keeps what came.
+    ///
+    /// # Errors
+    /// A failing disk.
+    pub async fn keep(mut self) -> Result<(), Error> {
+        self.file.flush().await?;
+        Ok(self.file.sync_all().await?)
+    }
+
     /// The stream has ended: completes the blob if all bytes are there, else keeps what came.
     ///
     /// # Errors
