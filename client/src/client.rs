@@ -151,7 +151,8 @@ impl Client {
     pub async fn stream_tiles(&self, request: StreamTilesRequest) -> Result<Streaming<PreviewTile>, Error> {
         let mut previews =
             PreviewsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
-        let response = previews.stream_tiles(request).await.map_err(|status| Error::call("preview", status))?;
+        let response =
+            previews.stream_tiles(request).await.map_err(|status| Error::call("preview", status))?;
         Ok(response.into_inner())
     }
 }

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::PathBuf;
 
-use karst_core::scene::Problems;
 use karst_proto::errors::{ErrorReason, reason, violations};
 use tonic::{Code, Status};
 
@@ -15,8 +14,8 @@ pub enum Error {
     #[error("{0}")]
     Usage(String),
     /// The scene document or one of its assets is wrong.
-    #[error("{}", describe_problems(.0))]
-    Scene(Problems),
+    #[error("{0}")]
+    Scene(String),
     /// A file could not be read or written.
     #[error("{}: {source}", path.display())]
     File {
@@ -61,7 +60,9 @@ impl Error {
     pub fn reason(&self) -> Option<ErrorReason> {
         match self {
             Self::Call { status, .. } => reason(status),
-            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Connect { .. } | Self::Failed(_) => None,
+            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Connect { .. } | Self::Failed(_) => {
+                None
+            }
         }
     }
 
@@ -116,14 +117,6 @@ fn describe_status(status: &Status) -> String {
     text
 }
 
-fn describe_problems(problems: &Problems) -> String {
-    let mut lines: Vec<String> = problems.problems.iter().map(ToString::to_string).collect();
-    if problems.total > lines.len() {
-        lines.push(format!("… and {} more", problems.total - lines.len()));
-    }
-    lines.join("\n")
-}
-
 #[cfg(test)]
 mod tests {
     use super::Error;
@@ -135,7 +128,10 @@ mod tests {
         let violations =
             [Violation::new("job.settings.spp", "found 0"), Violation::new("job.tile_size", "found 7")];
         let error = Error::call("submit", bad_request(ErrorReason::FieldInvalid, &violations));
-        assert_eq!(error.to_string(), "submit: 2 problems\njob.settings.spp: found 0\njob.tile_size: found 7");
+        assert_eq!(
+            error.to_string(),
+            "submit: 2 problems\njob.settings.spp: found 0\njob.tile_size: found 7"
+        );
         assert_eq!(error.exit_code(), 2);
     }
 

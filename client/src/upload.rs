@@ -8,9 +8,7 @@ use async_stream::stream;
 use futures::Stream;
 use karst_proto::errors::{ErrorReason, reason};
 use karst_proto::v1::upload_request::Part;
-use karst_proto::v1::{
-    FindMissingRequest, QueryUploadRequest, UploadRequest, UploadResponse, UploadStart,
-};
+use karst_proto::v1::{FindMissingRequest, QueryUploadRequest, UploadRequest, UploadResponse, UploadStart};
 use karst_proto::{MAX_CHUNK_BYTES, MAX_DIGESTS};
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tonic::Status;

@@ -179,7 +179,10 @@ mod tests {
     #[test]
     fn only_a_final_snapshot_ends_a_watch() {
         let snapshot = |state: JobState| {
-            event(1, Event::Snapshot(Box::new(Job { state: state.into(), ..Job::default() }).as_ref().clone()))
+            event(
+                1,
+                Event::Snapshot(Box::new(Job { state: state.into(), ..Job::default() }).as_ref().clone()),
+            )
         };
         assert!(!is_last(&snapshot(JobState::Running)));
         assert!(is_last(&snapshot(JobState::Failed)));

@@ -30,6 +30,8 @@ pub mod warp;
 
 pub mod texture;
 
+pub mod sdf;
+
 pub mod mesh;
 
 pub mod bvh;
@@ -47,3 +49,5 @@ pub mod scene;
 pub mod integrator;
 
 pub mod render;
+
+pub mod encode;

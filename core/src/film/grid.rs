@@ -171,7 +171,8 @@ mod tests {
             Region { x0: 0, y0: 0, x1: 100, y1: 50 },
             Region { x0: 37, y0: 19, x1: 131, y1: 97 },
         ];
-        for (window, tile_size) in windows.iter().flat_map(|w| [16, 32, 64, 96, 1000].map(|size| (*w, size))) {
+        for (window, tile_size) in windows.iter().flat_map(|w| [16, 32, 64, 96, 1000].map(|size| (*w, size)))
+        {
             let grid = TileGrid::new(window, tile_size);
             let mut seen = vec![0; window.area()];
             let mut blocks = vec![0; grid.block_count() as usize];

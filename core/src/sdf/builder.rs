@@ -1,0 +1,218 @@
+//! Owns the way from a tree of nodes to a tape.
+
+use glam::{Mat3, Vec3};
+
+use super::error::SdfError;
+use super::node::{Cuboid, Mandelbulb, Similarity, SmoothUnion, Sphere, Torus};
+use super::tape::{MAX_DEPTH, Op, Tape};
+
+/// Most nodes of one tree.
+pub const MAX_NODES: usize = 65_536;
+
+/// Names a node of the [`TapeBuilder`] that made it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NodeId(u32);
+
+/// A node as it was added; children precede their parents.
+#[derive(Debug)]
+enum Node {
+    Leaf(Op),
+    Union(Vec<NodeId>),
+    /// `None`: the blend is too small to matter.
+    SmoothUnion(Option<SmoothUnion>, Vec<NodeId>),
+    Transform(Similarity, NodeId),
+}
+
+/// Collects the nodes of a tree, children first, and compiles them.
+///
+/// The first error is kept and returned by [`TapeBuilder::finish`]; until then every method returns an id.
+///
+/// ```
+/// use glam::{Mat3, Vec3};
+/// use karst_core::sdf::{Point, TapeBuilder};
+///
+/// let mut tree = TapeBuilder::new();
+/// let ball = tree.sphere(1.0);
+/// let cube = tree.cuboid(Vec3::splat(1.0));
+/// let cube = tree.transform(cube, Vec3::X, Mat3::IDENTITY, 1.0);
+/// let both = tree.smooth_union(&[ball, cube], 0.25);
+/// let tape = tree.finish(both)?;
+/// assert_eq!(tape.distance(Point::splat(Vec3::new(0.0, 3.0, 0.0))), 2.0_f32);
+/// # Ok::<(), karst_core::sdf::SdfError>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct TapeBuilder {
+    nodes: Vec<Node>,
+    error: Option<SdfError>,
+}
+
+impl TapeBuilder {
+    /// A builder without nodes.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Ball around the origin.
+    pub fn sphere(&mut self, radius: f32) -> NodeId {
+        self.leaf(Sphere::new(radius).map(Op::Sphere))
+    }
+
+    /// Box around the origin with the given full edge lengths.
+    pub fn cuboid(&mut self, size: Vec3) -> NodeId {
+        self.leaf(Cuboid::new(size).map(Op::Cuboid))
+    }
+
+    /// Torus around the y axis: a tube of radius `minor` along a circle of radius `major`.
+    pub fn torus(&mut self, major: f32, minor: f32) -> NodeId {
+        self.leaf(Torus::new(major, minor).map(Op::Torus))
+    }
+
+    /// Mandelbulb around the z axis, about 1.1 in radius at power 8.
+    ///
+    /// `iterations` at most are made, until the orbit leaves the radius `bailout`.
+    pub fn mandelbulb(&mut self, power: f32, iterations: u32, bailout: f32) -> NodeId {
+        self.leaf(Mandelbulb::new(power, iterations, bailout).map(Op::Mandelbulb))
+    }
+
+    /// Union of one or more objects.
+    pub fn union(&mut self, children: &[NodeId]) -> NodeId {
+        if children.is_empty() {
+            self.keep(SdfError::NoChildren { kind: "union" });
+        }
+        self.add(Node::Union(children.to_vec()))
+    }
+
+    /// Union of one or more objects with seams rounded over a width of `k`, folded pairwise in the given order.
+    pub fn smooth_union(&mut self, children: &[NodeId], k: f32) -> NodeId {
+        if children.is_empty() {
+            self.keep(SdfError::NoChildren { kind: "smooth_union" });
+        }
+        match SmoothUnion::new(k) {
+            Ok(smooth) => self.add(Node::SmoothUnion(smooth, children.to_vec())),
+            Err(error) => self.fail(error),
+        }
+    }
+
+    /// A child scaled by `scale`, then turned by `rotation` (a pure rotation; see [`Mat3::from_quat`]), then moved by
+    /// `translate`.
+    pub fn transform(&mut self, child: NodeId, translate: Vec3, rotation: Mat3, scale: f32) -> NodeId {
+        match Similarity::new(translate, rotation, scale) {
+            Ok(similarity) => self.add(Node::Transform(similarity, child)),
+            Err(error) => self.fail(error),
+        }
+    }
+
+    /// Compiles the tree under `root`.
+    ///
+    /// # Errors
+    /// The first bad parameter; a union without children; a node with two parents; more than [`MAX_NODES`] nodes or
+    /// a nesting that needs more than [`MAX_DEPTH`] intermediate values, with the figure.
+    pub fn finish(mut self, root: NodeId) -> Result<Tape, SdfError> {
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        if self.nodes.len() > MAX_NODES {
+            return Err(SdfError::TooManyNodes { found: self.nodes.len(), allowed: MAX_NODES });
+        }
+        let (ops, nodes) = self.flatten(root)?;
+        let depth = depth(&ops);
+        if depth > MAX_DEPTH {
+            return Err(SdfError::TooDeep { found: depth, allowed: MAX_DEPTH });
+        }
+        Ok(Tape::new(ops, nodes, depth))
+    }
+
+    fn leaf(&mut self, made: Result<Op, SdfError>) -> NodeId {
+        match made {
+            Ok(op) => self.add(Node::Leaf(op)),
+            Err(error) => self.fail(error),
+        }
+    }
+
+    fn add(&mut self, node: Node) -> NodeId {
+        let id = NodeId(u32::try_from(self.nodes.len()).unwrap_or(u32::MAX));
+        // Past the limit nodes are only counted: what they hold cannot be used any more.
+        self.nodes.push(if self.nodes.len() < MAX_NODES { node } else { Node::Union(Vec::new()) });
+        id
+    }
+
+    fn fail(&mut self, error: SdfError) -> NodeId {
+        self.keep(error);
+        self.add(Node::Union(Vec::new()))
+    }
+
+    fn keep(&mut self, error: SdfError) {
+        self.error.get_or_insert(error);
+    }
+
+    /// The steps of the tree in evaluation order, and how many nodes it has. No recursion: trees may be deep.
+    fn flatten(&self, root: NodeId) -> Result<(Vec<Op>, usize), SdfError> {
+        let mut used = vec![false; self.nodes.len()];
+        let mut ops = Vec::with_capacity(self.nodes.len());
+        let mut pending = vec![Work::Visit(root, None)];
+        while let Some(work) = pending.pop() {
+            let (id, placed) = match work {
+                Work::Visit(id, placed) => (id, placed),
+                Work::Emit(op) => {
+                    ops.push(op);
+                    continue;
+                }
+            };
+            let index = id.0 as usize;
+            if used.get(index).copied().unwrap_or(true) {
+                return Err(SdfError::NotATree { id: id.0 });
+            }
+            used[index] = true;
+            // A placement of a placement is one placement; anything else ends the chain.
+            if let (Some(outer), false) = (placed, matches!(self.nodes[index], Node::Transform(..))) {
+                let placement = outer.placement()?;
+                ops.push(Op::Enter(placement));
+                pending.push(Work::Emit(Op::Leave(placement.scale)));
+            }
+            match &self.nodes[index] {
+                Node::Leaf(op) => ops.push(*op),
+                Node::Union(children) => fold(&mut pending, children, Op::Union),
+                Node::SmoothUnion(smooth, children) => {
+                    fold(&mut pending, children, smooth.map_or(Op::Union, Op::SmoothUnion));
+                }
+                Node::Transform(inner, child) => {
+                    let placed = placed.map_or(*inner, |outer: Similarity| outer.then_inner(*inner));
+                    pending.push(Work::Visit(*child, Some(placed)));
+                }
+            }
+        }
+        let nodes = used.iter().filter(|&&used| used).count();
+        Ok((ops, nodes))
+    }
+}
+
+/// What is still to be done in [`TapeBuilder::flatten`], last first.
+enum Work {
+    Visit(NodeId, Option<Similarity>),
+    Emit(Op),
+}
+
+/// Plans `((a op b) op c) …` on the work stack.
+fn fold(pending: &mut Vec<Work>, children: &[NodeId], op: Op) {
+    for (i, &child) in children.iter().enumerate().rev() {
+        if i > 0 {
+            pending.push(Work::Emit(op));
+        }
+        pending.push(Work::Visit(child, None));
+    }
+}
+
+/// Values or nested points needed at once, whichever is more.
+fn depth(ops: &[Op]) -> usize {
+    let (mut values, mut points, mut most) = (0_usize, 0_usize, 0_usize);
+    for op in ops {
+        match op {
+            Op::Sphere(_) | Op::Cuboid(_) | Op::Torus(_) | Op::Mandelbulb(_) => values += 1,
+            Op::Union | Op::SmoothUnion(_) => values -= 1,
+            Op::Enter(_) => points += 1,
+            Op::Leave(_) => points -= 1,
+        }
+        most = most.max(values).max(points);
+    }
+    most
+}

@@ -1,0 +1,45 @@
+//! Owns the axis-aligned box around the origin.
+
+use glam::Vec3;
+
+use crate::math::Aabb;
+use crate::sdf::error::{LENGTHS, SdfError, require};
+use crate::sdf::real::{Point, Real};
+
+/// Box with half edges `h`: `q = |p| - h`, `f(p) = |max(q, 0)| + min(max(q.x, q.y, q.z), 0)`.
+///
+/// Outside, `max(q, 0)` is the vector from the nearest point of the box (folded into one octant), so `f` is its
+/// exact length; inside, the nearest face is `max q` away. An exact signed distance has Lipschitz bound 1.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::sdf) struct Cuboid {
+    half: Vec3,
+}
+
+impl Cuboid {
+    /// A box with the given full edge lengths.
+    pub(in crate::sdf) fn new(size: Vec3) -> Result<Self, SdfError> {
+        for edge in size.to_array() {
+            require(
+                LENGTHS.contains(&edge),
+                "box.size",
+                edge,
+                "three numbers greater than 0 (1e-12 to 1e12)",
+            )?;
+        }
+        Ok(Self { half: size * 0.5 })
+    }
+
+    #[inline]
+    pub(in crate::sdf) fn distance<R: Real>(self, p: Point<R>) -> R {
+        let zero = R::splat(0.0);
+        let x = p.x.abs() - R::splat(self.half.x);
+        let y = p.y.abs() - R::splat(self.half.y);
+        let z = p.z.abs() - R::splat(self.half.z);
+        let outside = Point::new(x.max(zero), y.max(zero), z.max(zero)).length();
+        outside + x.max(y).max(z).min(zero)
+    }
+
+    pub(in crate::sdf) fn bounds(self) -> Aabb {
+        Aabb { min: -self.half, max: self.half }
+    }
+}

@@ -1,0 +1,145 @@
+//! Properties that hold for every tree.
+
+use glam::{DVec3, Mat3, Quat, Vec3};
+use proptest::prelude::{Just, Strategy, prop, prop_oneof, proptest};
+
+use crate::sdf::{NodeId, Point, Tape, TapeBuilder};
+
+/// A tree as data, for proptest to make and shrink.
+#[derive(Debug, Clone)]
+enum Shape {
+    Sphere(f32),
+    Cuboid(Vec3),
+    Torus(f32, f32),
+    Union(Vec<Self>),
+    Smooth(Vec<Self>, f32),
+    Transform(Box<Self>, Vec3, Vec3, f32),
+}
+
+fn add(t: &mut TapeBuilder, shape: &Shape) -> NodeId {
+    match shape {
+        Shape::Sphere(radius) => t.sphere(*radius),
+        Shape::Cuboid(size) => t.cuboid(*size),
+        Shape::Torus(major, minor) => t.torus(*major, *minor),
+        Shape::Union(children) => {
+            let ids: Vec<_> = children.iter().map(|child| add(t, child)).collect();
+            t.union(&ids)
+        }
+        Shape::Smooth(children, k) => {
+            let ids: Vec<_> = children.iter().map(|child| add(t, child)).collect();
+            t.smooth_union(&ids, *k)
+        }
+        Shape::Transform(child, translate, axis, scale) => {
+            let child = add(t, child);
+            let turn = Mat3::from_quat(Quat::from_scaled_axis(*axis));
+            t.transform(child, *translate, turn, *scale)
+        }
+    }
+}
+
+fn compile(shape: &Shape) -> Tape {
+    let mut builder = TapeBuilder::new();
+    let root = add(&mut builder, shape);
+    builder.finish(root).expect("generated trees are valid")
+}
+
+fn vector(reach: f32) -> impl Strategy<Value = Vec3> {
+    [-reach..reach, -reach..reach, -reach..reach].prop_map(Vec3::from_array)
+}
+
+fn shapes() -> impl Strategy<Value = Shape> {
+    let leaf = prop_oneof![
+        (0.01_f32..2.0).prop_map(Shape::Sphere),
+        [0.01_f32..2.0, 0.01_f32..2.0, 0.01_f32..2.0].prop_map(|s| Shape::Cuboid(Vec3::from_array(s))),
+        (0.1_f32..2.0, 0.0_f32..0.5).prop_map(|(major, minor)| Shape::Torus(major, minor)),
+    ];
+    leaf.prop_recursive(5, 24, 4, |inner| {
+        prop_oneof![
+            prop::collection::vec(inner.clone(), 1..4).prop_map(Shape::Union),
+            (prop::collection::vec(inner.clone(), 1..4), prop_oneof![Just(0.0_f32), 1e-3_f32..3.0])
+                .prop_map(|(children, k)| Shape::Smooth(children, k)),
+            (inner, vector(2.0), vector(3.0), 0.1_f32..4.0)
+                .prop_map(|(child, t, axis, scale)| Shape::Transform(Box::new(child), t, axis, scale)),
+        ]
+    })
+}
+
+fn at(tape: &Tape, p: Vec3) -> f64 {
+    let p = p.as_dvec3();
+    tape.distance(Point::new(p.x, p.y, p.z))
+}
+
+proptest! {
+    #[test]
+    fn values_change_no_faster_than_the_bound(shape in shapes(), p in vector(6.0), q in vector(6.0), near in 1e-4_f32..1.0) {
+        let tape = compile(&shape);
+        for q in [q, p + (q - p) * near] {
+            let change = (at(&tape, p) - at(&tape, q)).abs();
+            let allowed = f64::from(tape.lipschitz()) * (p.as_dvec3() - q.as_dvec3()).length();
+            // Rotations rounded to f32 stretch by up to about 3e-7 each.
+            assert!(change <= allowed * (1.0 + 1e-5) + 1e-12, "{change} over {allowed}");
+        }
+    }
+
+    #[test]
+    fn f32_values_are_close_to_f64_values(shape in shapes(), p in vector(6.0)) {
+        let tape = compile(&shape);
+        let (short, long) = (f64::from(tape.distance::<f32>(Point::splat(p))), at(&tape, p));
+        let magnitude = f64::from(p.abs().max_element().max(tape.reach())).max(long.abs());
+        assert!((short - long).abs() <= 16.0 * magnitude / 16_777_216.0 + 1e-6 * magnitude, "{short} and {long}");
+    }
+
+    #[test]
+    fn outside_the_bounds_values_are_at_least_the_distance_to_them(shape in shapes(), p in vector(12.0)) {
+        let tape = compile(&shape);
+        let bounds = tape.bounds();
+        let nearest = p.clamp(bounds.min, bounds.max);
+        let gap = (p.as_dvec3() - nearest.as_dvec3()).length();
+        if gap > 0.0 {
+            assert!(at(&tape, p) >= gap * (1.0 - 1e-5) - 1e-5, "{} and {gap}", at(&tape, p));
+        }
+    }
+
+    #[test]
+    fn smooth_union_is_within_a_quarter_k_of_the_union(a in vector(1.0), p in vector(3.0), k in 0.0_f32..5.0) {
+        let two = |k: f32| {
+            let mut t = TapeBuilder::new();
+            let (left, right) = (t.sphere(0.7), t.sphere(0.4));
+            let right = t.transform(right, a, Mat3::IDENTITY, 1.0);
+            let root = t.smooth_union(&[left, right], k);
+            t.finish(root).expect("valid")
+        };
+        let (smooth, hard) = (at(&two(k), p), at(&two(0.0), p));
+        assert!(smooth <= hard + 1e-12 && smooth >= hard - 0.25 * f64::from(k) - 1e-6);
+    }
+
+    #[test]
+    fn fractals_are_outside_out_of_their_bounds(
+        power in 2.0_f32..12.0, whole in 2_u8..12, iterations in 1_u32..14, bailout in 2.0_f32..32.0, d in vector(1.0),
+        away in 1.0_f32..4.0,
+    ) {
+        for power in [power, f32::from(whole)] {
+            let mut t = TapeBuilder::new();
+            let root = t.mandelbulb(power, iterations, bailout);
+            let tape = t.finish(root).expect("valid");
+            let p = d.as_dvec3().normalize_or(DVec3::Y) * f64::from(tape.bounds().max.x * away);
+            let value = tape.distance(Point::new(p.x, p.y, p.z));
+            assert!(value > 0.0, "power {power}: {value} at {p}");
+        }
+    }
+
+    #[test]
+    fn whole_powers_equal_the_trigonometric_form(whole in 2_u8..12, p in vector(1.2)) {
+        // One iteration: a power next to the whole one takes the other path.
+        let bulb = |power: f32| {
+            let mut t = TapeBuilder::new();
+            let root = t.mandelbulb(power, 1, 2.0);
+            t.finish(root).expect("valid")
+        };
+        let (a, b) = (at(&bulb(f32::from(whole)), p), at(&bulb(f32::from(whole).next_up()), p));
+        // Close to the bailout radius one of the two may stop an iteration earlier.
+        if a.signum() == b.signum() {
+            assert!((a - b).abs() < 1e-3 * a.abs().max(0.01), "{a} and {b}");
+        }
+    }
+}
