@@ -5,6 +5,8 @@ mod ply;
 #[cfg(test)]
 mod tests;
 
+use std::fmt::Display;
+
 use glam::{Vec2, Vec3};
 
 /// Triangles over shared vertices, in the units of their file.
@@ -22,19 +24,15 @@ pub struct Mesh {
     pub dropped: u32,
 }
 
-/// What is wrong with a mesh file.
+/// What is wrong with a mesh file, in words: where (a line, an offset, a vertex), what was found, what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{place}: {message}")]
-pub struct MeshError {
-    /// Where in the file, such as `line 12`, `offset 300` or `vertex 7`.
-    pub place: String,
-    /// What was found and what is allowed.
-    pub message: String,
-}
+#[error("{0}")]
+pub struct MeshError(String);
 
 impl MeshError {
-    fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { place: place.into(), message: message.into() }
+    /// A problem at a place in the file, such as `line 12` or `vertex 7`.
+    fn new(place: impl Display, message: impl Display) -> Self {
+        Self(format!("{place}: {message}"))
     }
 }
 

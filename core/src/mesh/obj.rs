@@ -39,7 +39,7 @@ fn append(mesh: &mut Mesh, part: &tobj::Mesh) -> Result<(), MeshError> {
     mesh.positions.extend(part.positions.as_chunks::<3>().0.iter().map(vec3));
     mesh.normals.extend(part.normals.as_chunks::<3>().0.iter().map(vec3));
     mesh.uvs.extend(part.texcoords.as_chunks::<2>().0.iter().map(|uv| Vec2::from_array(*uv)));
-    let many = || MeshError::new("file", "has more than 2^32 vertices");
+    let many = || MeshError("has more than 2^32 vertices".to_owned());
     let first = u32::try_from(first).map_err(|_| many())?;
     u32::try_from(mesh.positions.len()).map_err(|_| many())?;
     mesh.triangles.extend(part.indices.as_chunks::<3>().0.iter().map(|t| t.map(|index| index + first)));

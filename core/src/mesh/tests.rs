@@ -71,18 +71,18 @@ fn triangles_without_area_are_dropped_and_counted() {
 #[test]
 fn too_many_triangles_are_refused() {
     let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf {}\n", "1 2 3 ".repeat(400));
-    assert_eq!(error(&text, "a.obj"), "file: has 1198 triangles, 1000 are left of the limit for all meshes");
+    assert_eq!(error(&text, "a.obj"), "has 1198 triangles, 1000 are left of the limit for all meshes");
     let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 1\nproperty list int int vertex_indices\nend_header\n0 0 0 1 0 0 0 1 0\n";
     let text = format!("{header}1200 {}\n", "0 1 2 ".repeat(400));
-    assert_eq!(error(&text, "a.ply"), "file: has 1198 triangles, 1000 are left of the limit for all meshes");
+    assert_eq!(error(&text, "a.ply"), "has 1198 triangles, 1000 are left of the limit for all meshes");
 }
 
 /// A header of a mesh with `vertices` and `faces`, with normals and coordinates.
 fn header(format: &str, vertices: &str, faces: &str) -> String {
     let floats: String = ["x", "y", "z", "nx", "ny", "nz", "u", "v"]
         .iter()
-        .map(|name| format!("property float {name}\n"))
+        .map(|name| ["property float ", name, "\n"].concat())
         .collect();
     format!(
         "ply\nformat {format} 1.0\ncomment made by hand\nelement vertex {vertices}\n{floats}property uchar red\n\

@@ -213,8 +213,8 @@ mod tests {
             (
                 &Limits { max_triangles: 0, ..limits.clone() },
                 &["a.obj"],
-                "scene.json:2:17: meshes.m0.file: file \"a.obj\": \
-                file: has 1 triangles, 0 are left of the limit for all meshes",
+                "scene.json:2:24: meshes.m0.file: file \"a.obj\": \
+                has 1 triangles, 0 are left of the limit for all meshes",
             ),
         ] {
             assert_eq!(load(folder.path(), files, limits).unwrap_err(), expected);

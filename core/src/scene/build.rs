@@ -50,7 +50,7 @@ impl Scene {
             exposure: film.exposure,
             view: film.view,
             camera,
-            filter: filter(&film.filter),
+            filter: filter(film.filter),
             max_depth: description.integrator.max_depth,
             roulette_depth: description.integrator.roulette_depth,
             lights: Lights::new(lights, &tree.bounds()),
@@ -217,8 +217,8 @@ fn window(description: &Description) -> Region {
     })
 }
 
-fn filter(filter: &doc::Filter) -> PixelFilter {
-    match *filter {
+fn filter(filter: doc::Filter) -> PixelFilter {
+    match filter {
         doc::Filter::Box { radius } => PixelFilter::new(FilterKind::Box, radius),
         doc::Filter::Gaussian { radius } => PixelFilter::new(FilterKind::Gaussian, radius),
         doc::Filter::BlackmanHarris { radius } => PixelFilter::new(FilterKind::BlackmanHarris, radius),

@@ -73,7 +73,11 @@ impl Image {
             image @ DynamicImage::ImageLumaA8(_) => (1, Data::Bytes(image.into_luma8().into_raw())),
             image @ DynamicImage::ImageLumaA16(_) => (1, Data::Words(image.into_luma16().into_raw())),
             image @ DynamicImage::ImageRgba16(_) => (3, Data::Words(image.into_rgb16().into_raw())),
-            image => (3, Data::Bytes(image.into_rgb8().into_raw())),
+            image @ DynamicImage::ImageRgba8(_) => (3, Data::Bytes(image.into_rgb8().into_raw())),
+            // Neither PNG nor JPEG has others.
+            image @ (DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) | _) => {
+                (3, Data::Words(image.into_rgb16().into_raw()))
+            }
         };
         Ok(Self { width, height, channels, data })
     }

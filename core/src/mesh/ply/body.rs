@@ -1,5 +1,7 @@
 //! Owns the numbers of a PLY file's body, in any of its formats.
 
+use std::fmt::Display;
+
 use crate::mesh::MeshError;
 use crate::mesh::ply::header::{Element, Format, Kind, Property};
 
@@ -19,7 +21,7 @@ impl<'a> Body<'a> {
         Self { format, bytes, at: 0, offset }
     }
 
-    fn error(&self, message: impl Into<String>) -> MeshError {
+    fn error(&self, message: impl Display) -> MeshError {
         MeshError::new(format!("offset {}", self.offset + self.at), message)
     }
 

@@ -4,7 +4,7 @@ use serde_json::{Value as Json, json};
 
 use crate::scene::document::blend::{Mismatch, blend, blendable};
 use crate::scene::document::cursor::{Context, Cursor};
-use crate::scene::document::decode::Decode;
+use crate::scene::document::decode::{Decode, elements};
 use crate::scene::document::macros::{object, words};
 use crate::scene::document::named::Named;
 use crate::scene::document::path::Path;
@@ -81,13 +81,7 @@ pub(super) struct FrameSpan {
 
 impl Decode for FrameSpan {
     fn decode(at: &Cursor<'_>, allowed: &Allowed) -> Option<Self> {
-        let items = match &at.node.value {
-            Value::List(items) if items.len() == 2 => items,
-            _ => {
-                at.expected(&Self::expected(allowed));
-                return None;
-            }
-        };
+        let items = elements(at, 2, &Self::expected(allowed))?;
         let range = Allowed { min: -MAX_FRAME, max: MAX_FRAME, ..Allowed::ANY };
         let [first, last] = [0, 1].map(|index| i32::decode(&at.element(index, &items[index]), &range));
         let (first, last) = (first?, last?);

@@ -160,11 +160,9 @@ impl<'a> Cursor<'a> {
     pub(super) fn only(&self, what: &str, known: &[&str]) {
         for member in self.node.members() {
             if !known.contains(&member.name.as_str()) {
-                let hint = self
-                    .context
-                    .nearest(&member.name, known.iter().copied())
-                    .map(|name| format!("did you mean {name:?}?"))
-                    .unwrap_or_else(|| format!("fields of {what}: {}", known.join(", ")));
+                let near = self.context.nearest(&member.name, known.iter().copied());
+                let all = || format!("fields of {what}: {}", known.join(", "));
+                let hint = near.map_or_else(all, |name| format!("did you mean {name:?}?"));
                 let path = self.path.name(&member.name);
                 self.problem_at(member.start, &path, format!("unknown field of {what}"), Some(hint));
             }

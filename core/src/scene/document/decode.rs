@@ -27,17 +27,15 @@ pub(super) trait Decode: Sized {
 
 /// A number in the range, or a report.
 fn number(at: &Cursor<'_>, allowed: &Allowed, expected: &str) -> Option<f64> {
-    match at.node.value {
-        Value::Number(number) if allowed.holds(number) => Some(number),
-        Value::Number(number) if !number.is_finite() => {
-            at.expected("a finite number");
-            None
-        }
-        _ => {
-            at.expected(expected);
-            None
-        }
+    let Value::Number(number) = at.node.value else {
+        at.expected(expected);
+        return None;
+    };
+    if !allowed.holds(number) {
+        at.expected(if number.is_finite() { expected } else { "a finite number" });
+        return None;
     }
+    Some(number)
 }
 
 impl Decode for f64 {
@@ -150,14 +148,14 @@ macro_rules! integers {
 integers!(u32, i32);
 
 /// The elements of a list of that length, or a report.
-fn elements<'a>(at: &Cursor<'a>, length: usize, expected: &str) -> Option<&'a [Node]> {
-    match &at.node.value {
-        Value::List(items) if items.len() == length => Some(items),
-        _ => {
-            at.expected(expected);
-            None
-        }
+pub(super) fn elements<'a>(at: &Cursor<'a>, length: usize, expected: &str) -> Option<&'a [Node]> {
+    if let Value::List(items) = &at.node.value
+        && items.len() == length
+    {
+        return Some(items);
     }
+    at.expected(expected);
+    None
 }
 
 /// Three numbers, each in the range; every wrong one is reported.

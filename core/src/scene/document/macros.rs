@@ -46,7 +46,7 @@ macro_rules! object {
             ) -> serde_json::Value {
                 definitions.define($title, |definitions| {
                     let mut fields = $crate::scene::document::schema::Fields::new(concat!($($doc),+));
-                    $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), $rule, definitions); )*
+                    $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), &$rule, definitions); )*
                     fields.finish()
                 })
             }
@@ -120,10 +120,10 @@ macro_rules! variants {
                     $(
                         let mut fields = $crate::scene::document::schema::Fields::new(concat!($($variant_doc),+));
                         fields.tag($tag);
-                        $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), $rule, definitions); )*
+                        $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), &$rule, definitions); )*
                         variants.push(fields.finish());
                     )+
-                    $crate::scene::document::schema::one_of(concat!($($doc),+), variants)
+                    $crate::scene::document::schema::one_of(concat!($($doc),+), &variants)
                 })
             }
 

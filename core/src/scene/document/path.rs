@@ -8,7 +8,7 @@ const SHOWN: usize = 200;
 /// A path that is built on the stack while a document is walked.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Path<'a> {
-    parent: Option<&'a Path<'a>>,
+    parent: Option<&'a Self>,
     step: Step<'a>,
 }
 

@@ -23,31 +23,33 @@ pub fn reference_page() -> String {
     let schema = schema::of::<Root>("karst scene");
     let mut page = format!("{PREFACE}```json\n{EXAMPLE}```\n");
     for (title, definition) in members(&schema["$defs"]) {
-        page += &format!("\n## {title}\n\n");
+        let _ = write!(page, "\n## {title}\n\n");
         describe(&mut page, definition);
     }
     page
 }
 
-/// Adds the text of one definition.
+/// Adds the text of one definition. Writing to a string cannot fail.
 fn describe(page: &mut String, definition: &Json) {
     if let Some(about) = definition["description"].as_str() {
-        *page += &format!("{about}\n\n");
+        let _ = write!(page, "{about}\n\n");
     }
     let variants = definition["oneOf"].as_array().map_or(&[][..], Vec::as_slice);
     for variant in variants {
         let about = variant["description"].as_str().unwrap_or_default();
         match variant["properties"]["type"]["const"].as_str() {
             Some(tag) => {
-                *page += &format!("### `\"type\": \"{tag}\"`\n\n{about}\n\n");
+                let _ = write!(page, "### `\"type\": \"{tag}\"`\n\n{about}\n\n");
                 table(page, variant);
             }
-            None => *page += &format!("- `{}`: {about}\n", variant["const"]),
+            None => {
+                let _ = writeln!(page, "- `{}`: {about}", variant["const"]);
+            }
         }
     }
     if let Some(forms) = definition["anyOf"].as_array() {
         for form in forms {
-            *page += &format!("- {}\n", kind(form));
+            let _ = writeln!(page, "- {}", kind(form));
         }
     }
     table(page, definition);
@@ -64,11 +66,9 @@ fn table(page: &mut String, object: &Json) {
     }
     *page += "| field | type | default | range | meaning |\n|---|---|---|---|---|\n";
     for (name, field) in fields {
-        let default = match &field["default"] {
-            Json::Null if required(name) => "required".to_owned(),
-            Json::Null => "none".to_owned(),
-            default => format!("`{default}`"),
-        };
+        let absent = if required(name) { "required" } else { "none" };
+        let default =
+            field.get("default").map_or_else(|| absent.to_owned(), |default| format!("`{default}`"));
         let about = field["description"].as_str().unwrap_or_default();
         let _ = writeln!(page, "| `{name}` | {} | {default} | {} | {about} |", kind(field), range(field));
     }

@@ -12,6 +12,10 @@ pub(super) struct Rule<T> {
 
 /// The allowed values of a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is one word of the rule and independent of the others"
+)]
 pub(super) struct Allowed {
     /// Least number, least component of a vector, or least number of entries.
     pub(super) min: f64,
@@ -88,8 +92,8 @@ impl Allowed {
 
     /// `what` and its range in words, such as `a number above 0`.
     pub(super) fn words(&self, what: &str) -> String {
-        let low = self.min.is_finite().then(|| if self.above { "above" } else { "of at least" });
-        let high = self.max.is_finite().then(|| if self.below { "below" } else { "of at most" });
+        let low = self.min.is_finite().then_some(if self.above { "above" } else { "of at least" });
+        let high = self.max.is_finite().then_some(if self.below { "below" } else { "of at most" });
         let or_auto = if self.auto { " or \"auto\"" } else { "" };
         let other = if self.nonzero { " other than 0" } else { "" };
         let (min, max) = (short(self.min), short(self.max));

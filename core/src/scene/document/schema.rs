@@ -50,7 +50,7 @@ impl Fields {
         &mut self,
         name: &str,
         about: &str,
-        rule: Rule<T>,
+        rule: &Rule<T>,
         definitions: &mut Definitions,
     ) {
         let mut schema = T::schema(&rule.allowed, definitions);
@@ -77,7 +77,7 @@ impl Fields {
 }
 
 /// The schema of an object with variants.
-pub(super) fn one_of(about: &str, variants: Vec<Json>) -> Json {
+pub(super) fn one_of(about: &str, variants: &[Json]) -> Json {
     json!({"description": about.trim(), "oneOf": variants})
 }
 

@@ -158,7 +158,7 @@ fn keys() {
         ),
     ] {
         let tracks = "animation.tracks.spheres.lamp.emission.";
-        let expected = expected.replace("SHAPE", shape).replace(" keys", &format!(" {tracks}keys"));
+        let expected = expected.replace(" keys", &format!(" {tracks}keys")).replace("SHAPE", shape);
         check(&track("spheres.lamp.emission", &format!(r#""keys":{keys}"#)), &expected);
     }
     // Values are checked where they go, once each, in all frames and beyond them.
@@ -203,13 +203,11 @@ fn matrices_that_have_no_way_between_them() {
 
 #[test]
 fn frames_between_keys_are_checked() {
-    let text = format!(
-        r#"{{"version":1,"film":{{"width":8,"height":6}},
-"camera":{{"type":"perspective","vfov":40,"transform":{{"scale":1}}}},
-"animation":{{"frames":[0,10],"tracks":{{"camera.transform.scale":{{"keys":[
-{{"frame":0,"value":①-1}},{{"frame":10,"value":1}}]}}}}}}}}"#
-    );
-    check(&text, "① camera.transform.scale: found 0, expected a number other than 0 (at frame 5)");
+    let text = r#"{"version":1,"film":{"width":8,"height":6},
+"camera":{"type":"perspective","vfov":40,"transform":{"scale":1}},
+"animation":{"frames":[0,10],"tracks":{"camera.transform.scale":{"keys":[
+{"frame":0,"value":①-1},{"frame":10,"value":1}]}}}}"#;
+    check(text, "① camera.transform.scale: found 0, expected a number other than 0 (at frame 5)");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Owns the tests of what is said about documents that are wrong.
 
 use super::{check, scene};
+use crate::scene::document::{Document, Limits};
 
 /// Checks what is wrong with a scene that has these members too; they begin on line 2.
 #[track_caller]
@@ -305,7 +306,7 @@ fn long_values_are_cut() {
 fn the_first_fifty_are_kept_and_all_are_counted() {
     let many: Vec<String> = (0..80).map(|index| format!(r#""a{index}":1"#)).collect();
     let text = scene(&many.join(","));
-    let found = crate::scene::document::Document::parse(&text, "s", &Default::default()).unwrap_err();
+    let found = Document::parse(&text, "s", &Limits::default()).unwrap_err();
     assert_eq!((found.problems.len(), found.total), (50, 80));
     assert!(found.to_string().ends_with("\nand 30 more"), "{found}");
 }
