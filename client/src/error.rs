@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::PathBuf;
 
-use karst_core::scene::Problems;
 use karst_proto::errors::{ErrorReason, reason, violations};
 use tonic::{Code, Status};
 
@@ -15,8 +14,8 @@ pub enum Error {
     #[error("{0}")]
     Usage(String),
     /// The scene document or one of its assets is wrong.
-    #[error("{}", describe_problems(.0))]
-    Scene(Problems),
+    #[error("{0}")]
+    Scene(String),
     /// A file could not be read or written.
     #[error("{}: {source}", path.display())]
     File {
@@ -116,14 +115,6 @@ fn describe_status(status: &Status) -> String {
         let _ = write!(text, "\n… and {} more", total - listed.len());
     }
     text
-}
-
-fn describe_problems(problems: &Problems) -> String {
-    let mut lines: Vec<String> = problems.problems.iter().map(ToString::to_string).collect();
-    if problems.total > lines.len() {
-        lines.push(format!("… and {} more", problems.total - lines.len()));
-    }
-    lines.join("\n")
 }
 
 #[cfg(test)]

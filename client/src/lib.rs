@@ -29,7 +29,7 @@ pub use blob::Blob;
 pub use client::Client;
 pub use download::Download;
 pub use error::Error;
-pub use scene_files::{SceneFiles, read_scene};
+pub use scene_files::{SceneFiles, read_document, read_scene, scene_error, scene_folder};
 pub use upload::Uploaded;
 pub use watch::{Update, is_final};
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use karst_core::scene::{Document, Limits};
+use karst_core::scene::{AssetSource, Document, Folder, Limits, Problems};
 
 use crate::{Blob, Error};
 
@@ -27,25 +27,47 @@ impl SceneFiles {
 /// Reads and checks the document at `path` and hashes the files that it names.
 ///
 /// # Errors
-/// The document cannot be read or is wrong; a file that it names cannot be read.
+/// The document cannot be read or is wrong; files that it names cannot be read or lie outside its folder.
 pub fn read_scene(path: &Path) -> Result<SceneFiles, Error> {
     let text = read_document(path, &Limits::default())?;
-    let document =
-        Document::parse(&text, &path.display().to_string(), &Limits::default()).map_err(Error::Scene)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let files = document
-        .assets()
-        .iter()
-        .map(|asset| Ok((asset.path.clone(), Blob::of_file(&folder.join(&asset.path))?)))
-        .collect::<Result<_, Error>>()?;
+    let document = Document::parse(&text, &path.display().to_string(), &Limits::default())
+        .map_err(|problems| scene_error(&problems))?;
+    let root = scene_folder(path);
+    let folder = Folder::new(root).map_err(|source| Error::file(root, source))?;
+    let mut problems = Problems::default();
+    let mut files = Vec::new();
+    for asset in document.assets() {
+        let blob = folder
+            .len(&asset.path)
+            .map_err(|error| error.to_string())
+            .and_then(|_| Blob::of_file(&root.join(&asset.path)).map_err(|error| error.to_string()));
+        match blob {
+            Ok(blob) => files.push((asset.path.clone(), blob)),
+            Err(message) => problems.push(asset.problem(message)),
+        }
+    }
+    problems.or(()).map_err(|problems| scene_error(&problems))?;
     Ok(SceneFiles { name: scene_name(path), document: Blob::of_bytes(text.as_bytes()), files })
 }
 
+/// The folder that a document's asset paths start from.
+pub fn scene_folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// All problems of a scene as one error.
+pub fn scene_error(problems: &Problems) -> Error {
+    Error::Scene(problems.to_string())
+}
+
 /// The text of a document that is not over the limit.
-pub(crate) fn read_document(path: &Path, limits: &Limits) -> Result<String, Error> {
+///
+/// # Errors
+/// The file cannot be read, is not text, or is too large.
+pub fn read_document(path: &Path, limits: &Limits) -> Result<String, Error> {
     let failed = |source| Error::file(path, source);
     let size = std::fs::metadata(path).map_err(failed)?.len();
-    let limit = limits.max_document_bytes as u64;
+    let limit = limits.max_document_bytes;
     if size > limit {
         return Err(Error::Usage(format!(
             "{}: found {size} bytes, expected at most {limit}",

@@ -1,0 +1,335 @@
+//! The command line: sub-commands, flags, and the little languages of their values.
+
+mod values;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use karst_client::DEFAULT_SERVER;
+use karst_core::film::Region;
+use karst_core::scene::Overrides;
+
+pub(crate) use values::FrameList;
+use values::{crop, frames, positive, size, tile_size};
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  failure: a file, the server, the render
+  2  usage or bad input: a flag, the scene document
+
+Results go to stdout (with --json one JSON object per line), everything else to stderr.";
+
+/// Renders procedural worlds: on this machine, or through a karst server.
+#[derive(Debug, Parser)]
+#[command(name = "karst", version, after_help = EXIT_CODES, max_term_width = 100)]
+pub(crate) struct Cli {
+    /// Print results as one JSON object per line.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a scene on this machine, without a server.
+    Render(RenderArgs),
+    /// Check a scene document and its files; print what is wrong, or what it holds.
+    Check(CheckArgs),
+    /// Compare two EXR pictures.
+    Compare(CompareArgs),
+    /// Submit a scene to a server.
+    Submit(SubmitArgs),
+    /// Watch a job until it is finished.
+    Watch(WatchArgs),
+    /// Download the finished frames of a job.
+    Fetch(FetchArgs),
+    /// List jobs, the newest first.
+    Jobs(JobsArgs),
+    /// Stop a job; what is finished stays.
+    Cancel(CancelArgs),
+}
+
+/// Which server.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ServerArgs {
+    /// Address of the server.
+    #[arg(long, env = "KARST_SERVER", value_name = "URL", default_value = DEFAULT_SERVER)]
+    pub(crate) server: String,
+}
+
+/// What changes the scene's own settings.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Settings (instead of those in the scene)")]
+pub(crate) struct SettingsArgs {
+    /// Samples per pixel.
+    #[arg(long, value_name = "N", conflicts_with_all = ["target_error", "min_spp", "max_spp"],
+          value_parser = clap::value_parser!(u32).range(1..=1 << 31))]
+    pub(crate) spp: Option<u32>,
+    /// Sample adaptively until the estimated relative error of the frame (root of relMSE) is at most this.
+    #[arg(long, value_name = "E", value_parser = positive)]
+    pub(crate) target_error: Option<f64>,
+    /// With a target error: no pixel gets fewer samples.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 31))]
+    pub(crate) min_spp: Option<u32>,
+    /// With a target error: no pixel gets more samples.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 31))]
+    pub(crate) max_spp: Option<u32>,
+    /// Begin no further round after this many seconds of rendering per frame.
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub(crate) time_limit: Option<f64>,
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u32>,
+    /// Size of the frame in pixels.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<(u32, u32)>,
+    /// Render only this rectangle of the frame: left, top, width, height in pixels.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = crop)]
+    pub(crate) crop: Option<Region>,
+}
+
+impl SettingsArgs {
+    /// The same as the core wants it.
+    pub(crate) fn overrides(&self) -> Overrides {
+        Overrides {
+            spp: self.spp,
+            target_error: self.target_error,
+            min_spp: self.min_spp,
+            max_spp: self.max_spp,
+            time_limit: self.time_limit,
+            seed: self.seed,
+            size: self.size,
+            crop: self.crop,
+        }
+    }
+}
+
+/// What is done besides the samples.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct WorkArgs {
+    /// Edge of a tile in pixels, a multiple of 16 from 16 to 256; never changes a pixel.
+    #[arg(long, value_name = "N", value_parser = tile_size, default_value = "32")]
+    pub(crate) tile_size: u32,
+    /// Denoise with Open Image Denoise: from the colours alone, or with albedo and normals.
+    #[arg(long, value_name = "MODE", value_enum, default_value = "off")]
+    pub(crate) denoise: DenoiseArg,
+}
+
+/// `--denoise`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DenoiseArg {
+    /// Keep the noisy picture only.
+    Off,
+    /// From the colours alone.
+    Color,
+    /// With albedo and normals.
+    Full,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    /// Scene document.
+    pub(crate) scene: PathBuf,
+    /// Where to write the picture: OUT.exr or OUT.png; give it twice for both. With --denoise the EXR gets a
+    /// layer `Denoised`, and beside OUT.png comes OUT-denoised.png. With --frames the frame number goes before
+    /// the ending: OUT.0001.exr.
+    #[arg(short, long = "output", value_name = "OUT", required = true)]
+    pub(crate) output: Vec<PathBuf>,
+    /// Frame of the animation; the first one unless given.
+    #[arg(long, value_name = "F", allow_hyphen_values = true, conflicts_with = "frames")]
+    pub(crate) frame: Option<i32>,
+    /// Frames of the animation, such as 1-250 or 1-250:2 for every second one.
+    #[arg(long, value_name = "A-B:STEP", allow_hyphen_values = true, value_parser = frames)]
+    pub(crate) frames: Option<FrameList>,
+    /// Threads that render; as many as the machine has unless given.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Write figures of the run as JSON: times, samples, rays, error, memory.
+    #[arg(long, value_name = "R.json")]
+    pub(crate) report: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    #[command(flatten)]
+    pub(crate) work: WorkArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CheckArgs {
+    /// Scene document.
+    pub(crate) scene: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Prints, with --json under these names: identical (bits of R, G and B), mse, rel_mse = mean((a-b)²/(b²+0.01)),
+rel_mse_corrected (without the part of --reference-error), mean_rel_diff = mean(a)/mean(b) - 1 with its standard error
+mean_rel_diff_stderr, flip_mean (not computed yet: null), nonfinite_pixels (left out of the sums), width, height,
+sha256_a and sha256_b (of the R, G, B floats). Exit code 0 when the pictures could be compared, equal or not.")]
+pub(crate) struct CompareArgs {
+    /// The picture in question.
+    pub(crate) a: PathBuf,
+    /// The reference.
+    pub(crate) b: PathBuf,
+    /// Error of the reference itself, the root of its relMSE: its square is taken off the relMSE.
+    #[arg(long, value_name = "E", value_parser = positive)]
+    pub(crate) reference_error: Option<f64>,
+    /// Layer of both files to compare: the beauty unless given.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) layer: Option<String>,
+    /// Write a picture of the relative difference.
+    #[arg(long, value_name = "D.png")]
+    pub(crate) diff: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SubmitArgs {
+    /// Scene document.
+    pub(crate) scene: PathBuf,
+    /// Wait until the job is finished, with a progress bar.
+    #[arg(long)]
+    pub(crate) wait: bool,
+    /// Wait, and download the finished frames into this folder.
+    #[arg(short, long = "output", value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// While waiting receive the tiles as they improve, and say when the first one came.
+    #[arg(long)]
+    pub(crate) tiles: bool,
+    /// Only check: nothing is queued.
+    #[arg(long, conflicts_with_all = ["wait", "output", "tiles"])]
+    pub(crate) validate_only: bool,
+    /// Name of the job and of the downloaded files; the scene's file name unless given.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
+    /// Makes repeating this command safe: the same id and scene give the same job.
+    #[arg(long, value_name = "ID")]
+    pub(crate) request_id: Option<String>,
+    /// Frame of the animation.
+    #[arg(long, value_name = "F", allow_hyphen_values = true, conflicts_with = "frames")]
+    pub(crate) frame: Option<i32>,
+    /// Frames of the animation, such as 1-250 or 1-250:2; all unless given.
+    #[arg(long, value_name = "A-B:STEP", allow_hyphen_values = true, value_parser = frames)]
+    pub(crate) frames: Option<FrameList>,
+    #[command(flatten)]
+    pub(crate) server: ServerArgs,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    #[command(flatten)]
+    pub(crate) work: WorkArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct WatchArgs {
+    /// The job's id.
+    pub(crate) job: String,
+    /// Go on after the event that carried this token (`resume_token` in the output of --json).
+    #[arg(long, value_name = "TOKEN")]
+    pub(crate) resume: Option<String>,
+    #[command(flatten)]
+    pub(crate) server: ServerArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct FetchArgs {
+    /// The job's id.
+    pub(crate) job: String,
+    /// Folder for the files.
+    #[arg(short, long = "output", value_name = "DIR", default_value = ".")]
+    pub(crate) output: PathBuf,
+    /// Only these frames.
+    #[arg(long, value_name = "A-B:STEP", allow_hyphen_values = true, value_parser = frames)]
+    pub(crate) frames: Option<FrameList>,
+    /// Only these files; all that a frame has unless given.
+    #[arg(long, value_name = "FORMAT", value_enum)]
+    pub(crate) format: Vec<FormatArg>,
+    #[command(flatten)]
+    pub(crate) server: ServerArgs,
+}
+
+/// `--format`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FormatArg {
+    /// All layers as floats.
+    Exr,
+    /// The noisy picture in 8 bits.
+    Png,
+    /// The denoised picture in 8 bits.
+    PngDenoised,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct JobsArgs {
+    /// At most this many.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    pub(crate) limit: usize,
+    /// Only jobs in this state; may be given more than once.
+    #[arg(long, value_name = "STATE", value_enum)]
+    pub(crate) state: Vec<StateArg>,
+    #[command(flatten)]
+    pub(crate) server: ServerArgs,
+}
+
+/// `--state`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StateArg {
+    /// Waiting for a worker.
+    Queued,
+    /// Being rendered.
+    Running,
+    /// All frames are finished.
+    Succeeded,
+    /// Stopped by an error.
+    Failed,
+    /// Stopped by `karst cancel`.
+    Cancelled,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CancelArgs {
+    /// The job's id.
+    pub(crate) job: String,
+    #[command(flatten)]
+    pub(crate) server: ServerArgs,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Cli;
+    use clap::{CommandFactory, Parser};
+
+    fn refused(line: &[&str]) -> String {
+        Cli::try_parse_from([&["karst"], line].concat()).expect_err("must be refused").to_string()
+    }
+
+    #[test]
+    fn the_definition_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn fixed_and_adaptive_sampling_exclude_each_other() {
+        for adaptive in [["--target-error", "0.1"], ["--min-spp", "8"], ["--max-spp", "8"]] {
+            let text = refused(&["render", "s.json", "-o", "a.exr", "--spp", "4", adaptive[0], adaptive[1]]);
+            assert!(text.contains("cannot be used with"), "{text}");
+        }
+    }
+
+    #[test]
+    fn senseless_values_are_refused_with_what_is_allowed() {
+        for (flag, value, allowed) in [
+            ("--spp", "0", "1..="),
+            ("--target-error", "nan", "above 0"),
+            ("--target-error", "0", "above 0"),
+            ("--time-limit", "inf", "above 0"),
+            ("--size", "0x10", "WIDTHxHEIGHT"),
+            ("--crop", "0,0,0,5", "X,Y,WIDTH,HEIGHT"),
+            ("--tile-size", "20", "multiple of 16"),
+            ("--threads", "0", "1..="),
+            ("--frames", "9-1", "first to last"),
+        ] {
+            let text = refused(&["render", "s.json", "-o", "a.exr", flag, value]);
+            assert!(text.contains(allowed), "{flag} {value}: {text}");
+        }
+    }
+}

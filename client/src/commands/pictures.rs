@@ -1,0 +1,90 @@
+//! Pictures of a rendered film: denoised if asked for, written as EXR or PNG.
+
+use std::path::{Path, PathBuf};
+
+use karst_client::Error;
+use karst_core::encode::{exr, png};
+use karst_core::film::{Film, Picture};
+use karst_core::scene::Scene;
+use karst_denoise::{Denoiser, Input, Mode};
+use serde_json::Value;
+
+use crate::args::DenoiseArg;
+use crate::naming::denoised;
+
+/// What is written of a frame.
+pub(super) struct Pictures<'a> {
+    scene: &'a Scene,
+    noisy: Picture,
+    denoised: Option<Picture>,
+    statistics: Value,
+}
+
+impl<'a> Pictures<'a> {
+    /// Resolves the film, and denoises it if asked for.
+    pub(super) fn new(
+        film: &Film,
+        scene: &'a Scene,
+        frame: i32,
+        denoise: DenoiseArg,
+        threads: usize,
+    ) -> Result<Self, Error> {
+        let noisy = film.picture();
+        let denoised = match denoise {
+            DenoiseArg::Off => None,
+            DenoiseArg::Color => Some(denoise_picture(&noisy, Mode::Color, threads)?),
+            DenoiseArg::Full => Some(denoise_picture(&noisy, Mode::Full, threads)?),
+        };
+        let statistics = karst_core::encode::statistics(scene, frame, &film.summary());
+        Ok(Self { scene, noisy, denoised, statistics })
+    }
+
+    /// Writes `path`, and for a PNG the denoised picture beside it; returns what was written.
+    pub(super) fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        if path.extension().is_some_and(|ending| ending == "exr") {
+            let denoised = self.denoised.as_ref().map(|picture| picture.color.as_slice());
+            let bytes =
+                exr(&self.noisy, denoised, &self.statistics).map_err(|error| encode_error(path, &error))?;
+            return Ok(vec![write(path, &bytes)?]);
+        }
+        let mut written = vec![self.write_png(path, &self.noisy)?];
+        if let Some(picture) = &self.denoised {
+            written.push(self.write_png(&denoised(path), picture)?);
+        }
+        Ok(written)
+    }
+
+    fn write_png(&self, path: &Path, picture: &Picture) -> Result<PathBuf, Error> {
+        let (width, height) = (picture.window.width(), picture.window.height());
+        let bytes = png(&picture.color, width, height, self.scene.exposure(), self.scene.view())
+            .map_err(|error| encode_error(path, &error))?;
+        write(path, &bytes)
+    }
+}
+
+/// The same picture with denoised colours.
+fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Picture, Error> {
+    let color: Vec<[f32; 3]> = noisy.color.iter().map(|value| value.to_array()).collect();
+    let albedo: Vec<[f32; 3]> = noisy.albedo.iter().map(|value| value.to_array()).collect();
+    let normal: Vec<[f32; 3]> = noisy.normal.iter().map(|value| value.to_array()).collect();
+    let input = Input {
+        width: noisy.window.width(),
+        height: noisy.window.height(),
+        color: &color,
+        albedo: &albedo,
+        normal: &normal,
+    };
+    let smooth = Denoiser::find()
+        .and_then(|denoiser| denoiser.with_threads(threads as u32).denoise(&input, mode))
+        .map_err(|error| Error::Failed(error.to_string()))?;
+    Ok(Picture { color: smooth.into_iter().map(Into::into).collect(), ..noisy.clone() })
+}
+
+fn encode_error(path: &Path, error: &dyn std::fmt::Display) -> Error {
+    Error::Failed(format!("{}: {error}", path.display()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<PathBuf, Error> {
+    std::fs::write(path, bytes).map_err(|source| Error::file(path, source))?;
+    Ok(path.to_owned())
+}

@@ -1,0 +1,194 @@
+//! `karst render`: renders frames on this machine and writes pictures and a report.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use karst_client::{Error, read_document, scene_error, scene_folder};
+use karst_core::film::{Film, FrameSummary};
+use karst_core::render::{FrameObserver, Progress, render_frame};
+use karst_core::scene::{Assets, Document, Folder, Goal, Limits, Scene};
+use rayon::ThreadPool;
+use serde_json::{Value, json};
+
+use crate::args::{FrameList, RenderArgs};
+use crate::clock::Stopwatch;
+use crate::commands::pictures::Pictures;
+use crate::naming::of_frame;
+use crate::progress::{Bar, Shown, percent};
+use crate::report::Report;
+use crate::talk::Talk;
+
+pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Error> {
+    check_outputs(&args.output)?;
+    let limits = Limits::default();
+    let text = read_document(&args.scene, &limits)?;
+    let origin = args.scene.display().to_string();
+    let document = Document::parse(&text, &origin, &limits).map_err(|problems| scene_error(&problems))?;
+    let frames = chosen_frames(args, &document)?;
+    let root = scene_folder(&args.scene);
+    let folder = Folder::new(root).map_err(|source| Error::file(root, source))?;
+    let assets = Assets::load(&document, &folder, &limits).map_err(|problems| scene_error(&problems))?;
+    let job = Job { args, talk, document, assets, limits, pool: pool(args.threads)?, bar: Bar::new() };
+    let reports = job.render_all(frames)?;
+    if let Some(path) = &args.report {
+        write_report(path, &reports)?;
+    }
+    Ok(())
+}
+
+fn check_outputs(outputs: &[PathBuf]) -> Result<(), Error> {
+    for (index, path) in outputs.iter().enumerate() {
+        if !path.extension().is_some_and(|ending| ending == "exr" || ending == "png") {
+            return Err(Error::Usage(format!(
+                "--output {}: expected a name in .exr or .png",
+                path.display()
+            )));
+        }
+        if outputs[..index].contains(path) {
+            return Err(Error::Usage(format!("--output {}: found twice", path.display())));
+        }
+    }
+    Ok(())
+}
+
+fn chosen_frames(args: &RenderArgs, document: &Document) -> Result<FrameList, Error> {
+    let range = document.frames();
+    let chosen = args.frames.unwrap_or_else(|| FrameList::one(args.frame.unwrap_or(range.first)));
+    if chosen.first < range.first || chosen.last > range.last {
+        return Err(Error::Usage(format!(
+            "frames {} to {}: the scene has frames {} to {}",
+            chosen.first, chosen.last, range.first, range.last
+        )));
+    }
+    Ok(chosen)
+}
+
+fn pool(threads: Option<u32>) -> Result<ThreadPool, Error> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0) as usize)
+        .build()
+        .map_err(|error| Error::Failed(format!("cannot start {threads:?} threads: {error}")))
+}
+
+fn write_report(path: &Path, reports: &[Report]) -> Result<(), Error> {
+    let value = match reports {
+        [one] => json!(one),
+        several => json!({"frames": several}),
+    };
+    std::fs::write(path, format!("{value:#}\n")).map_err(|source| Error::file(path, source))
+}
+
+/// Everything that the frames share.
+struct Job<'a> {
+    args: &'a RenderArgs,
+    talk: Talk,
+    document: Document,
+    assets: Assets,
+    limits: Limits,
+    pool: ThreadPool,
+    bar: Bar,
+}
+
+impl Job<'_> {
+    fn render_all(&self, frames: FrameList) -> Result<Vec<Report>, Error> {
+        let total = frames.iter().count() as u32;
+        frames.iter().zip(0..).map(|(frame, finished)| self.render_one(frame, finished, total)).collect()
+    }
+
+    fn render_one(&self, frame: i32, finished: u32, total: u32) -> Result<Report, Error> {
+        let wall = Stopwatch::start();
+        let scene = self.pool.install(|| self.build(frame))?;
+        let built = wall.seconds();
+        let film = self.render(&scene, frame, (finished, total));
+        let rendered = wall.seconds();
+        let summary = film.summary();
+        let threads = self.pool.current_num_threads();
+        let mut report = Report::of(&summary, film.window(), frame, threads);
+        report.rendered_in(rendered - built);
+        let pictures = Pictures::new(&film, &scene, frame, self.args.work.denoise, threads)?;
+        let denoised = wall.seconds();
+        let paths = self.args.output.iter().map(|path| of_frame(path, frame, self.args.frames.is_some()));
+        let mut files = Vec::new();
+        for path in paths {
+            files.extend(pictures.write(&path)?);
+        }
+        report.wall_seconds = wall.seconds();
+        report.stages = [
+            ("build", built),
+            ("render", rendered - built),
+            ("denoise", denoised - rendered),
+            ("write", report.wall_seconds - denoised),
+        ]
+        .into();
+        self.tell(&report, &files);
+        Ok(report)
+    }
+
+    fn build(&self, frame: i32) -> Result<Scene, Error> {
+        let mut description = self.document.at(frame).map_err(|problems| scene_error(&problems))?;
+        description
+            .apply(&self.args.settings.overrides(), &self.limits)
+            .map_err(|problems| scene_error(&problems))?;
+        Scene::build(&description, &self.assets, frame).map_err(|problems| scene_error(&problems))
+    }
+
+    fn render(&self, scene: &Scene, frame: i32, (finished, total): (u32, u32)) -> Film {
+        let start = Shown { frame, frames_finished: finished, frames_total: total, ..Shown::default() };
+        let observer = Observer { bar: &self.bar, clock: Stopwatch::start(), scene, start };
+        let never = AtomicBool::new(false);
+        let film = self.pool.install(|| render_frame(scene, self.args.work.tile_size, &never, &observer));
+        self.bar.clear();
+        film.expect("a render ends early only when it is told to stop, and nobody does")
+    }
+
+    fn tell(&self, report: &Report, files: &[PathBuf]) {
+        let error = report.rel_mse.map_or_else(|| "unknown".to_owned(), |error| percent(error.sqrt()));
+        self.talk.say(&format_args!(
+            "frame {}: {:.1} samples per pixel, error {error}, {:.2} s, {:.2} million samples/s",
+            report.frame, report.spp_mean, report.render_seconds, report.msamples_per_second
+        ));
+        for (count, what) in [
+            (report.nonfinite_samples, "samples were not finite and were dropped"),
+            (report.exhausted_rays, "rays ran out of marching steps"),
+        ] {
+            if count > 0 {
+                self.talk.say(&format_args!("warning: {count} {what}"));
+            }
+        }
+        let mut line: Value = json!(report);
+        line["event"] = "frame".into();
+        line["files"] = json!(files);
+        let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+        self.talk.result(&names.join("\n"), &line);
+    }
+}
+
+/// Shows how a frame is going, and ends it when its time is over.
+struct Observer<'a> {
+    bar: &'a Bar,
+    clock: Stopwatch,
+    scene: &'a Scene,
+    start: Shown,
+}
+
+impl FrameObserver for Observer<'_> {
+    fn tile_done(&self, progress: &Progress) {
+        // How many samples a target error takes is not known before; the running round is.
+        let planned = match self.scene.sampling().goal {
+            Goal::Fixed { spp } => self.scene.window().area() as u64 * u64::from(spp),
+            Goal::Error { .. } => progress.samples_round,
+        };
+        let left = planned.saturating_sub(progress.samples_done) as f64;
+        self.bar.show(&Shown {
+            samples_done: progress.samples_done,
+            samples_planned: planned,
+            error: progress.rel_mse.map(f64::sqrt),
+            seconds_left: Some(self.clock.seconds() * left / progress.samples_done.max(1) as f64),
+            ..self.start.clone()
+        });
+    }
+
+    fn another_round(&self, _summary: &FrameSummary) -> bool {
+        self.scene.sampling().time_limit.is_none_or(|limit| self.clock.seconds() < limit)
+    }
+}

@@ -1,0 +1,91 @@
+//! `--report`: figures of a local render as JSON.
+
+use std::collections::BTreeMap;
+
+use karst_core::film::{FrameSummary, Region};
+use serde::Serialize;
+
+/// One rendered frame. Seconds are of the wall clock.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Report {
+    pub(crate) frame: i32,
+    /// Rendering alone.
+    pub(crate) render_seconds: f64,
+    /// From the start of the frame to its files.
+    pub(crate) wall_seconds: f64,
+    pub(crate) threads: usize,
+    /// Of the rendered window.
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) samples: u64,
+    pub(crate) spp_mean: f64,
+    /// Along paths and to lights.
+    pub(crate) rays: u64,
+    pub(crate) shadow_rays: u64,
+    pub(crate) msamples_per_second: f64,
+    /// Unknown with one sample per pixel.
+    pub(crate) rel_mse: Option<f64>,
+    pub(crate) rel_mse_ci95: Option<[f64; 2]>,
+    pub(crate) nonfinite_samples: u64,
+    pub(crate) exhausted_rays: u64,
+    /// Of the whole process so far; 0 where the system does not tell.
+    pub(crate) peak_rss_bytes: u64,
+    /// Seconds of each part of the work.
+    pub(crate) stages: BTreeMap<&'static str, f64>,
+}
+
+impl Report {
+    /// The figures that the film knows; times and stages are filled in by the caller.
+    pub(crate) fn of(summary: &FrameSummary, window: Region, frame: i32, threads: usize) -> Self {
+        let counters = &summary.counters;
+        Self {
+            frame,
+            render_seconds: 0.0,
+            wall_seconds: 0.0,
+            threads,
+            width: window.width(),
+            height: window.height(),
+            samples: summary.samples,
+            spp_mean: summary.spp_mean,
+            rays: counters.rays + counters.shadow_rays,
+            shadow_rays: counters.shadow_rays,
+            msamples_per_second: 0.0,
+            rel_mse: summary.rel_mse,
+            rel_mse_ci95: summary.rel_mse_ci95,
+            nonfinite_samples: counters.nan_samples + counters.infinite_samples,
+            exhausted_rays: counters.exhausted_rays,
+            peak_rss_bytes: peak_rss_bytes(),
+            stages: BTreeMap::new(),
+        }
+    }
+
+    /// Sets the time that rendering took and the rate that follows.
+    pub(crate) fn rendered_in(&mut self, seconds: f64) {
+        self.render_seconds = seconds;
+        self.msamples_per_second = self.samples as f64 * 1e-6 / seconds.max(1e-9);
+    }
+}
+
+/// The most memory that this process ever had resident.
+pub(crate) fn peak_rss_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    parse_peak_rss(&status).unwrap_or(0)
+}
+
+fn parse_peak_rss(status: &str) -> Option<u64> {
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{parse_peak_rss, peak_rss_bytes};
+
+    #[test]
+    fn peak_memory_is_read() {
+        assert_eq!(parse_peak_rss("VmPeak:\t 9 kB\nVmHWM:\t    1234 kB\nVmRSS: 1 kB"), Some(1234 * 1024));
+        assert_eq!(parse_peak_rss("nothing"), None);
+        assert!(peak_rss_bytes() > 1 << 16);
+    }
+}
