@@ -347,7 +347,7 @@ def document():
     sky_strips(instances)
     # A cool softbox under the roof, out of the picture: what a crack above would let in, without its noise.
     instances["skylight"] = {
-        "mesh": "pane", "material": "black", "emission": [2.6, 4.2, 6.6],
+        "mesh": "pane", "material": "black", "emission": [2.6, 4.6, 7.6],
         "transform": {"translate": [1.3, 3.85, 4.9], "rotate": [198, 0, 8], "scale": [1.3, 1, 0.8]}}
     return {
         "version": 1,
@@ -355,8 +355,8 @@ def document():
             "type": "perspective", "vfov": 44,
             "transform": {"look_at": {"eye": [-0.5, 1.55, 8.2], "target": [-0.1, 1.75, 0], "up": [0, 1, 0]}},
         },
-        "film": {"width": 640, "height": 360, "filter": {"type": "blackman_harris", "radius": 1.5}, "exposure": 0.6, "view": "filmic"},
-        "sampling": {"spp": 64, "seed": 1},
+        "film": {"width": 640, "height": 360, "filter": {"type": "blackman_harris", "radius": 1.5}, "exposure": 0.9, "view": "filmic"},
+        "sampling": {"spp": 32, "seed": 1},
         "integrator": {"max_depth": 5, "roulette_depth": 4},
         "materials": {
             "rock": {"type": "diffuse", "reflectance": image("rock")},
@@ -368,8 +368,9 @@ def document():
             "sea": {"type": "diffuse", "reflectance": [0.22, 0.42, 0.5]},
             "rock_far": {"type": "diffuse", "reflectance": [0.16, 0.20, 0.26]},
             "rock_farther": {"type": "diffuse", "reflectance": [0.34, 0.42, 0.52]},
-            "bone": {"type": "diffuse", "reflectance": [0.88, 0.79, 0.68]},
+            "bone": {"type": "diffuse", "reflectance": [0.90, 0.66, 0.44]},
             "stone": {"type": "diffuse", "reflectance": [0.33, 0.31, 0.29]},
+            "dark_stone": {"type": "diffuse", "reflectance": [0.17, 0.165, 0.16]},
             "black": {"type": "diffuse", "reflectance": [0.02, 0.02, 0.02]},
         },
         "meshes": {
@@ -383,12 +384,16 @@ def document():
         "animation": {
             "fps": 24, "frames": [1, 4],
             "tracks": {
-                "sdf_objects.heart.tree.power": {
-                    "interpolation": "linear", "keys": [{"frame": 1, "value": 8}, {"frame": 4, "value": 7.4}]},
+                "sdf_objects.heart.transform.rotate": {
+                    "interpolation": "linear",
+                    "keys": [{"frame": 1, "value": [-20, 12, 0]}, {"frame": 4, "value": [-20, 12, 9]}]},
+                "camera.transform.look_at.eye": {
+                    "interpolation": "linear",
+                    "keys": [{"frame": 1, "value": [-0.5, 1.55, 8.2]}, {"frame": 4, "value": [-0.38, 1.55, 8.14]}]},
                 "spheres.flame_rock.emission": {
                     "interpolation": "linear",
-                    "keys": [{"frame": 1, "value": FLAME}, {"frame": 2, "value": [36, 15.5, 4.5]},
-                             {"frame": 4, "value": [52, 24, 7.6]}]},
+                    "keys": [{"frame": 1, "value": FLAME}, {"frame": 2, "value": [62, 27, 7.8]},
+                             {"frame": 4, "value": [90, 42, 13.5]}]},
             },
         },
     }
@@ -397,8 +402,8 @@ def document():
 RING = (-1.9, 1.75, 0.2)
 
 
-FLAME = [46, 21, 6.5]
-WRECK = {"translate": [2.9, 0.66, -1.6], "rotate": [-13, 203, -6], "scale": 0.92}
+FLAME = [80, 37, 11.5]
+WRECK = {"translate": [3.55, 0.62, -1.7], "rotate": [-13, 203, -6], "scale": 0.84}
 
 
 def on_wreck(p):
@@ -426,13 +431,13 @@ def lanterns():
     lights = {}
     for name, (center, scale) in lantern_places().items():
         lights[f"flame_{name}"] = {"center": center, "radius": round(0.075 * scale, 4), "emission": FLAME}
-    lights["flame_hull"]["emission"] = [120, 52, 14]
-    lights["key_ring"] = {"center": [-4.0, 2.2, 4.4], "radius": 0.22, "emission": [42, 21, 8]}
-    lights["ember"] = {"center": [RING[0] + 0.8, RING[1] - 0.62, RING[2] - 1.1], "radius": 0.17, "emission": [95, 22, 9]}
+    lights["flame_hull"]["emission"] = [260, 115, 32]
+    lights["key_ring"] = {"center": [-4.0, 2.2, 4.4], "radius": 0.22, "emission": [95, 48, 18]}
+    lights["ember"] = {"center": [RING[0] - 0.25, RING[1] - 0.1, RING[2] - 1.3], "radius": 0.2, "emission": [110, 26, 11]}
     for i in range(7):
         turn = math.pi * (0.08 + 0.84 * i / 6)
         center = [RING[0] + 1.52 * math.cos(turn), RING[1] + 1.52 * math.sin(turn), RING[2] + 0.24]
-        lights[f"bead_{i + 1}"] = {"center": [round(c, 4) for c in center], "radius": 0.05, "emission": [14, 6, 1.8]}
+        lights[f"bead_{i + 1}"] = {"center": [round(c, 4) for c in center], "radius": 0.055, "emission": [12, 5.4, 1.6]}
     return {name: {**light, "material": "black"} for name, light in lights.items()}
 
 
@@ -468,7 +473,7 @@ def sdf_objects():
             "tree": {"type": "mandelbulb", "power": 8, "iterations": 5, "bailout": 4},
         },
         "ring": {"material": "stone", "transform": {"translate": list(RING), "rotate": [0, 12, 0]}, "tree": ring},
-        "boulders": {"material": "stone", "transform": {"translate": [-3.1, 0.45, 3.5], "rotate": [0, 20, 0]}, "tree": boulders},
+        "boulders": {"material": "dark_stone", "transform": {"translate": [-3.1, 0.45, 3.5], "rotate": [0, 20, 0]}, "tree": boulders},
     }
 
 
