@@ -237,7 +237,7 @@ pub fn render_locally(text: &str, frame: i32, overrides: &Overrides, tile_size: 
     std::fs::write(dir.path().join(FLOOR_PATH), FLOOR).unwrap();
     let limits = Limits::default();
     let document = Document::parse(text, "scene.json", &limits).unwrap();
-    let assets = Assets::load(&document, &Folder::new(dir.path()), &limits).unwrap();
+    let assets = Assets::load(&document, &Folder::new(dir.path()).unwrap(), &limits).unwrap();
     let mut description = document.at(frame).unwrap();
     description.apply(overrides, &limits).unwrap();
     let scene = Scene::build(&description, &assets, frame).unwrap();
