@@ -50,7 +50,8 @@ async fn adaptive_frames_crops_and_settings_have_the_same_bits() {
     let spec = client.spec(&text).await;
     let crop = v1::Region { x0: 17, y0: 5, x1: 90, y1: 55 };
     let size = v1::Size { width: 128, height: 64 };
-    let settings = v1::RenderSettings { seed: Some(9), size: Some(size), crop: Some(crop), ..Default::default() };
+    let settings =
+        v1::RenderSettings { seed: Some(9), size: Some(size), crop: Some(crop), ..Default::default() };
     let spec = v1::JobSpec { settings: Some(settings), tile_size: 32, ..spec };
     let job = client.submit(&request_id("adaptive"), &spec).await.unwrap().id;
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
@@ -150,7 +151,8 @@ async fn jobs_are_listed_in_pages_and_cancelled() {
     for _ in 0..3 {
         ids.push(client.submit(&request_id("long"), &long).await.unwrap().id);
     }
-    let page = |page_token: String, states: Vec<i32>| v1::ListJobsRequest { page_size: 2, page_token, states };
+    let page =
+        |page_token: String, states: Vec<i32>| v1::ListJobsRequest { page_size: 2, page_token, states };
     let first = client.jobs.list_jobs(page(String::new(), vec![])).await.unwrap().into_inner();
     let second = client.jobs.list_jobs(page(first.next_page_token, vec![])).await.unwrap().into_inner();
     let listed: Vec<_> = first.jobs.iter().chain(&second.jobs).map(|j| j.id.clone()).collect();

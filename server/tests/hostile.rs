@@ -73,7 +73,10 @@ async fn oversize_messages() {
     let digest = karst_server::digest::Digest::of(b"x").to_string();
     let start = Part::Start(v1::UploadStart { digest, total_size: 1 << 20, offset: 0 });
     let chunk = Part::Chunk(vec![0; 300_000].into());
-    assert_eq!(refusal(client.send(vec![start, chunk]).await), refused(Code::InvalidArgument, "FIELD_INVALID"));
+    assert_eq!(
+        refusal(client.send(vec![start, chunk]).await),
+        refused(Code::InvalidArgument, "FIELD_INVALID")
+    );
     let digests = vec!["0".repeat(64); 5000];
     let too_many = client.assets.find_missing(v1::FindMissingRequest { digests }).await;
     assert_eq!(refusal(too_many), refused(Code::InvalidArgument, "FIELD_INVALID"));
@@ -188,7 +191,11 @@ async fn an_upload_that_breaks_off_goes_on() {
         tokio::time::sleep(std::time::Duration::from_millis(10)).await;
     };
     let busy = client
-        .send(vec![Part::Start(v1::UploadStart { digest: digest.clone(), total_size: 600_000, offset: committed })])
+        .send(vec![Part::Start(v1::UploadStart {
+            digest: digest.clone(),
+            total_size: 600_000,
+            offset: committed,
+        })])
         .await;
     assert_eq!(refusal(busy), refused(Code::Aborted, "UPLOAD_BUSY"));
     call.abort();
@@ -378,7 +385,11 @@ mod raw {
         }
     }
 
-    pub(crate) async fn call(channel: Channel, path: &'static str, payload: Vec<u8>) -> Result<Vec<u8>, Status> {
+    pub(crate) async fn call(
+        channel: Channel,
+        path: &'static str,
+        payload: Vec<u8>,
+    ) -> Result<Vec<u8>, Status> {
         let mut grpc = tonic::client::Grpc::new(channel);
         grpc.ready().await.map_err(|e| Status::unavailable(e.to_string()))?;
         let path = path.parse().expect("a path");

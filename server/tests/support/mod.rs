@@ -186,7 +186,8 @@ impl Client {
         let mut pixels = vec![f32::NAN; (width * height * 3) as usize];
         for (tile, r) in tiles.iter().zip(&regions) {
             let values = tile.rgb_f32.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
-            let places = (r.y0..r.y1).flat_map(|y| (r.x0..r.x1).flat_map(move |x| (0..3).map(move |c| (x, y, c))));
+            let places =
+                (r.y0..r.y1).flat_map(|y| (r.x0..r.x1).flat_map(move |x| (0..3).map(move |c| (x, y, c))));
             for ((x, y, c), value) in places.zip(values) {
                 let place = &mut pixels[(((y - top) * width + x - left) * 3 + c) as usize];
                 assert!(place.is_nan(), "a pixel came twice");
@@ -206,8 +207,7 @@ impl Client {
         offset: u64,
     ) -> Result<(v1::DownloadStart, Vec<u8>), Status> {
         use v1::download_frame_response::Part;
-        let request =
-            v1::DownloadFrameRequest { job: job.to_owned(), frame, format: format.into(), offset };
+        let request = v1::DownloadFrameRequest { job: job.to_owned(), frame, format: format.into(), offset };
         let mut stream = self.frames.download_frame(request).await?.into_inner();
         let (mut start, mut bytes) = (None, Vec::new());
         while let Some(message) = stream.message().await? {
