@@ -6,8 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use karst_client::DEFAULT_SERVER;
-use karst_core::film::Region;
-use karst_core::scene::Overrides;
+use karst_core::scene::{Crop, Overrides};
 
 pub(crate) use values::FrameList;
 use values::{crop, frames, positive, size, tile_size};
@@ -22,7 +21,7 @@ Results go to stdout (with --json one JSON object per line), everything else to 
 
 /// Renders procedural worlds: on this machine, or through a karst server.
 #[derive(Debug, Parser)]
-#[command(name = "karst", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "karst", version, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
     /// Print results as one JSON object per line.
     #[arg(long, global = true)]
@@ -87,7 +86,7 @@ pub(crate) struct SettingsArgs {
     pub(crate) size: Option<(u32, u32)>,
     /// Render only this rectangle of the frame: left, top, width, height in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = crop)]
-    pub(crate) crop: Option<Region>,
+    pub(crate) crop: Option<Crop>,
 }
 
 impl SettingsArgs {
@@ -101,7 +100,7 @@ impl SettingsArgs {
             time_limit: self.time_limit,
             seed: self.seed,
             size: self.size,
-            crop: self.crop,
+            crop: self.crop.clone(),
         }
     }
 }
@@ -109,9 +108,10 @@ impl SettingsArgs {
 /// What is done besides the samples.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct WorkArgs {
-    /// Edge of a tile in pixels, a multiple of 16 from 16 to 256; never changes a pixel.
-    #[arg(long, value_name = "N", value_parser = tile_size, default_value = "32")]
-    pub(crate) tile_size: u32,
+    /// Edge of a tile in pixels, a multiple of 16 from 16 to 256; never changes a pixel. 32 unless given, with a
+    /// server its own choice.
+    #[arg(long, value_name = "N", value_parser = tile_size)]
+    pub(crate) tile_size: Option<u32>,
     /// Denoise with Open Image Denoise: from the colours alone, or with albedo and normals.
     #[arg(long, value_name = "MODE", value_enum, default_value = "off")]
     pub(crate) denoise: DenoiseArg,

@@ -98,7 +98,7 @@ fn request(args: &SubmitArgs, scene: &SceneFiles) -> SubmitJobRequest {
         }),
         frames: args.frames.or(args.frame.map(FrameList::one)).map(frame_range),
         settings: Some(settings_to_wire(&args.settings.overrides())),
-        tile_size: args.work.tile_size,
+        tile_size: args.work.tile_size.unwrap_or(0),
         denoise: denoise(args.work.denoise).into(),
     };
     SubmitJobRequest {
