@@ -46,4 +46,8 @@ pub mod film;
 
 pub mod scene;
 
+pub mod integrator;
+
+pub mod render;
+
 pub mod encode;

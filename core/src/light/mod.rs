@@ -13,6 +13,7 @@ pub use sphere::SphereLight;
 
 use crate::math::Aabb;
 use glam::{Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
 
 /// Something that sends out light.
 #[derive(Debug, Clone)]
@@ -95,20 +96,22 @@ struct Emitter {
 }
 
 impl Emitter {
-    /// Flux over the squared distance, with the cosine of the best direction into the ball.
+    /// Roughly the irradiance that it brings: half its flux over the hemisphere, the squared distance, and the cosine
+    /// of the best direction into the ball.
     fn importance(&self, from: &Receiver) -> f32 {
+        let intensity = self.power * (0.5 * FRAC_1_PI);
         let towards = self.center - from.p;
         let d2 = towards.length_squared();
         let r2 = self.radius * self.radius;
         if d2 <= r2 {
-            return self.power / r2;
+            return intensity / r2;
         }
         // cos(max(0, θ − θ_ball)): the ball may reach above the horizon though its centre does not.
         let cos = towards.dot(from.n) / d2.sqrt();
         let (sin_ball, cos_ball) = ((r2 / d2).sqrt(), (1.0 - r2 / d2).sqrt());
         let best =
             if cos > cos_ball { 1.0 } else { cos * cos_ball + (1.0 - cos * cos).max(0.0).sqrt() * sin_ball };
-        self.power * best.max(0.0) / d2.max(r2)
+        intensity * best.max(0.0) / d2.max(r2)
     }
 }
 

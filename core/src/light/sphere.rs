@@ -1,4 +1,4 @@
-//! Owns light from the outside of a sphere, sampled by the cone that it fills.
+//! Owns light from a sphere, sampled by the cone that it fills.
 
 use super::{Emitter, LightSample, Receiver, Target};
 use crate::color::luminance;
@@ -16,18 +16,21 @@ pub struct SphereLight {
     pub radius: f32,
     /// Radiance, linear Rec.709.
     pub radiance: Vec3,
+    /// Sends its light inwards: such a sphere is found by scattered rays only.
+    pub inward: bool,
 }
 
 impl SphereLight {
     pub(super) fn emitter(&self) -> Emitter {
-        let power = luminance(self.radiance) * PI * 4.0 * PI * self.radius * self.radius;
+        let outward = if self.inward { 0.0 } else { luminance(self.radiance) };
+        let power = outward * PI * 4.0 * PI * self.radius * self.radius;
         Emitter { center: self.center, radius: self.radius, power }
     }
 
-    /// 1 − cos of the half angle under which the sphere is seen; `None` from inside.
+    /// 1 − cos of the half angle under which the sphere is seen; `None` from inside, or when it shines inwards.
     fn cone(&self, p: Vec3) -> Option<f32> {
         let sin2 = f64::from(self.radius).powi(2) / (self.center - p).as_dvec3().length_squared();
-        (sin2 < 1.0).then(|| (sin2 / (1.0 + (1.0 - sin2).sqrt())) as f32)
+        (sin2 < 1.0 && !self.inward).then(|| (sin2 / (1.0 + (1.0 - sin2).sqrt())) as f32)
     }
 
     pub(super) fn sample(&self, from: &Receiver, u: Vec2) -> Option<LightSample> {
@@ -60,7 +63,7 @@ mod tests {
     #[test]
     fn irradiance_equals_the_form_factor() {
         for (center, radius) in [(Vec3::new(0.3, 0.4, 2.0), 0.5), (Vec3::new(30.0, 0.0, 40.0), 0.01)] {
-            let light = SphereLight { center, radius, radiance: Vec3::ONE };
+            let light = SphereLight { center, radius, radiance: Vec3::ONE, inward: false };
             let from = Receiver { p: Vec3::ZERO, n: Vec3::Z };
             let n = 4096;
             let sum: f64 = (0..n)

@@ -53,6 +53,8 @@ object! {
         /// Radiance that the front side sends out, linear Rec.709; the front is the side from which the
         /// vertices of a triangle run counter-clockwise.
         emission: Vec3 = or(Vec3::ZERO).from(0.0);
+        /// Turns front and back around.
+        flip_normals: bool = or(false);
     }
 }
 
@@ -66,7 +68,9 @@ object! {
         radius: f32 = required().above(0.0);
         /// Name of the material.
         material: String = required().naming(Table::Materials);
-        /// Radiance that the outside sends out, linear Rec.709.
+        /// Radiance that the front side, the outside, sends out, linear Rec.709.
         emission: Vec3 = or(Vec3::ZERO).from(0.0);
+        /// Turns front and back around: the inside shines.
+        flip_normals: bool = or(false);
     }
 }

@@ -1,0 +1,47 @@
+//! Owns the path tracer: waves of paths, advanced stage by stage.
+//!
+//! A wave holds some thousand paths as arrays. Each stage is a loop over the paths that are still alive: camera,
+//! then for every surface intersect, emit, shade, shadow rays. A path's value depends on its own numbers only, never
+//! on its neighbours in the wave, so that any grouping gives the same bits.
+
+mod paths;
+mod stages;
+
+pub use paths::{Feature, Paths};
+
+use crate::film::Counters;
+use crate::sampler::Replicate;
+use crate::scene::Scene;
+use std::ops::Range;
+
+/// Samples to trace together: some sample indices of one replicate for some pixels.
+#[derive(Debug, Clone)]
+pub struct Wave<'a> {
+    /// Pixels of the frame.
+    pub pixels: &'a [[u32; 2]],
+    /// Which half of their samples.
+    pub replicate: Replicate,
+    /// Which samples of it.
+    pub samples: Range<u32>,
+}
+
+/// Traces a wave: afterwards `paths` holds radiance and features, sample by sample, pixel by pixel within.
+///
+/// The estimator is unidirectional path tracing with next-event estimation: light found by sampling a light and light
+/// found by scattering are weighed by the power heuristic (Veach 1997, section 9.2). A path's `beta` is the product of
+/// all its weights so far, the light that it then finds still missing.
+pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut Counters) {
+    stages::camera(scene, wave, paths);
+    counters.samples += paths.len() as u64;
+    for bounce in 0..scene.max_depth() {
+        stages::intersect(scene, bounce, paths, counters);
+        stages::emit(scene, bounce, paths);
+        if bounce + 1 == scene.max_depth() || paths.active.is_empty() {
+            break;
+        }
+        stages::shade(scene, bounce, paths);
+        stages::shadow(scene, paths, counters);
+    }
+    counters.sdf_evaluations += std::mem::take(&mut paths.march.evaluations);
+    counters.exhausted_rays += std::mem::take(&mut paths.march.exhausted);
+}

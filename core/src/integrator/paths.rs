@@ -1,0 +1,89 @@
+//! Owns the state of the paths of a wave, as arrays that are kept from wave to wave.
+
+use crate::light::Receiver;
+use crate::math::Ray;
+use crate::sampler::{Replicate, Sampler, Stream};
+use crate::scene::{Hit, Surface};
+use crate::sdf::MarchStats;
+use glam::Vec3;
+
+/// The auxiliary layers of one sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feature {
+    /// Albedo of the first surface; 0 where there is none.
+    pub albedo: Vec3,
+    /// Shading normal of the first surface, towards the camera; 0 where there is none.
+    pub normal: Vec3,
+    /// Distance to the first surface; infinite where there is none.
+    pub depth: f32,
+}
+
+impl Feature {
+    const NONE: Self = Self { albedo: Vec3::ZERO, normal: Vec3::ZERO, depth: f32::INFINITY };
+}
+
+/// A shadow ray and what it brings where nothing is in its way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ShadowRay {
+    pub(super) path: u32,
+    pub(super) ray: Ray,
+    pub(super) contribution: Vec3,
+}
+
+/// The paths of a wave; every array has one entry for each.
+#[derive(Debug, Default)]
+pub struct Paths {
+    /// Light gathered so far, linear Rec.709.
+    pub radiance: Vec<Vec3>,
+    /// Auxiliary layers.
+    pub features: Vec<Feature>,
+    pub(super) samplers: Vec<Sampler>,
+    pub(super) rays: Vec<Ray>,
+    /// Product of the weights of all decisions so far.
+    pub(super) beta: Vec<Vec3>,
+    /// Density per solid angle with which the last direction was scattered; infinite for camera rays.
+    pub(super) pdf: Vec<f32>,
+    /// The point that the last direction left from.
+    pub(super) receivers: Vec<Receiver>,
+    pub(super) hits: Vec<Option<Hit>>,
+    /// Surfaces of the active paths, by position in `active`.
+    pub(super) surfaces: Vec<Surface>,
+    /// Paths that are still alive, in increasing order.
+    pub(super) active: Vec<u32>,
+    pub(super) shadows: Vec<ShadowRay>,
+    pub(super) march: MarchStats,
+}
+
+impl Paths {
+    /// Number of paths of the wave.
+    pub fn len(&self) -> usize {
+        self.radiance.len()
+    }
+
+    /// Whether the wave is empty.
+    pub fn is_empty(&self) -> bool {
+        self.radiance.is_empty()
+    }
+
+    /// Starts over with `n` paths, keeping the memory.
+    pub(super) fn reset(&mut self, n: usize) {
+        self.radiance.clear();
+        self.radiance.resize(n, Vec3::ZERO);
+        self.features.clear();
+        self.features.resize(n, Feature::NONE);
+        self.beta.clear();
+        self.beta.resize(n, Vec3::ONE);
+        self.pdf.clear();
+        self.pdf.resize(n, f32::INFINITY);
+        self.receivers.clear();
+        self.receivers.resize(n, Receiver { p: Vec3::ZERO, n: Vec3::ZERO });
+        self.hits.clear();
+        self.hits.resize(n, None);
+        self.rays.clear();
+        self.rays.resize(n, Ray::new(Vec3::ZERO, Vec3::Z));
+        self.samplers.clear();
+        self.samplers.resize(n, Sampler::new(Stream::new(0, 0), [0, 0], Replicate::A, 0));
+        self.active.clear();
+        self.active.extend(0..n as u32);
+    }
+}

@@ -1,0 +1,191 @@
+//! Owns the objects of a compiled scene: what a ray meets, and the surface at a hit.
+
+use crate::bvh::triangle::TriangleBvh;
+use crate::math::{Aabb, Ray, Transform, acos, atan2, gamma};
+use crate::mesh::Mesh;
+use crate::sdf::{MarchStats, Sdf, SdfRay};
+use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_PI, TAU};
+use std::sync::Arc;
+
+/// A mesh and the tree over its triangles, shared by its instances and by all frames.
+#[derive(Debug)]
+pub struct PreparedMesh {
+    /// Triangles in the units of the file.
+    pub mesh: Mesh,
+    /// The tree over them.
+    pub tree: TriangleBvh,
+}
+
+/// The shape of an object.
+#[derive(Debug, Clone)]
+pub(super) enum Shape {
+    Mesh { mesh: Arc<PreparedMesh>, transform: Transform },
+    Sphere { center: Vec3, radius: f32 },
+    Sdf { sdf: Box<Sdf>, transform: Transform },
+}
+
+/// Something that a ray can meet.
+#[derive(Debug, Clone)]
+pub(super) struct Object {
+    pub(super) shape: Shape,
+    /// Index of the material.
+    pub(super) material: u32,
+    /// Index of the light that it is, if any.
+    pub(super) light: Option<u32>,
+    /// Turns front and back around.
+    pub(super) flip: bool,
+}
+
+/// Where a ray meets the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance in units of the ray's direction.
+    pub t: f32,
+    /// Object, as numbered by the scene.
+    pub object: u32,
+    /// Triangle of a mesh; 0 elsewhere.
+    pub primitive: u32,
+    /// Barycentric weights of the triangle's second and third corner; 0 elsewhere.
+    pub barycentric: [f32; 2],
+}
+
+/// The surface at a hit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Position in the world.
+    pub p: Vec3,
+    /// Bound of the position's error by coordinate.
+    pub error: Vec3,
+    /// Unit geometric normal of the front side.
+    pub ng: Vec3,
+    /// Unit shading normal, on the side of `ng`.
+    pub ns: Vec3,
+    /// Texture coordinates, v upwards.
+    pub uv: Vec2,
+    /// Object, as numbered by the scene.
+    pub object: u32,
+}
+
+impl Object {
+    /// The box around it in the world.
+    pub(super) fn bounds(&self) -> Aabb {
+        match &self.shape {
+            Shape::Mesh { mesh, transform } => mesh.tree.bounds().transformed(transform.to_world()),
+            Shape::Sphere { center, radius } => {
+                // One rounding step more than the radius, so that the poles lie inside.
+                let reach = Vec3::splat(*radius) + (center.abs() + *radius) * (2.0 * f32::EPSILON);
+                Aabb { min: *center - reach, max: *center + reach }
+            }
+            Shape::Sdf { sdf, transform } => sdf.bounds().transformed(transform.to_world()),
+        }
+    }
+
+    /// The nearest hit within the ray as (t, primitive, barycentric).
+    pub(super) fn intersect(
+        &self,
+        ray: &Ray,
+        spread: f32,
+        stats: &mut MarchStats,
+    ) -> Option<(f32, u32, [f32; 2])> {
+        match &self.shape {
+            Shape::Mesh { mesh, transform } => {
+                mesh.tree.intersect(&to_local(ray, transform)).map(|h| (h.t, h.triangle, h.barycentric))
+            }
+            Shape::Sphere { center, radius } => {
+                intersect_sphere(ray, *center, *radius).map(|t| (t, 0, [0.0; 2]))
+            }
+            Shape::Sdf { sdf, transform } => {
+                let local = to_local(ray, transform);
+                let ray = SdfRay {
+                    origin: local.o,
+                    dir: local.d,
+                    t_min: 0.0,
+                    t_max: local.t_max,
+                    footprint: spread,
+                };
+                sdf.intersect(&ray, stats).map(|t| (t, 0, [0.0; 2]))
+            }
+        }
+    }
+
+    /// Whether anything of it lies within the ray.
+    pub(super) fn occluded(&self, ray: &Ray, stats: &mut MarchStats) -> bool {
+        match &self.shape {
+            Shape::Mesh { mesh, transform } => mesh.tree.occluded(&to_local(ray, transform)),
+            Shape::Sphere { .. } | Shape::Sdf { .. } => self.intersect(ray, 0.0, stats).is_some(),
+        }
+    }
+
+    /// The surface at a hit of the ray; `spread` is the half width of a pixel per unit of distance.
+    pub(super) fn surface(&self, ray: &Ray, hit: &Hit, spread: f32) -> Surface {
+        let mut surface = match &self.shape {
+            Shape::Mesh { mesh, transform } => mesh_surface(&mesh.mesh, transform, hit),
+            Shape::Sphere { center, radius } => sphere_surface(*center, *radius, ray.at(hit.t), hit),
+            Shape::Sdf { sdf, transform } => {
+                let p = to_local(ray, transform).at(hit.t);
+                let n = transform.normal(sdf.normal(p, spread * hit.t));
+                let world = transform.point(p);
+                let error = transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2);
+                Surface { p: world, error, ng: n, ns: n, uv: Vec2::ZERO, object: hit.object }
+            }
+        };
+        if self.flip {
+            surface.ng = -surface.ng;
+            surface.ns = -surface.ns;
+        }
+        surface
+    }
+}
+
+fn to_local(ray: &Ray, transform: &Transform) -> Ray {
+    Ray { o: transform.local_point(ray.o), d: transform.local_vector(ray.d), t_max: ray.t_max }
+}
+
+/// The smallest root in (0, `t_max`], in double precision: the discriminant comes from the distance of the centre to
+/// the ray, which does not cancel (Haines et al. 2019, Ray Tracing Gems chapter 7).
+fn intersect_sphere(ray: &Ray, center: Vec3, radius: f32) -> Option<f32> {
+    let (d, f) = (ray.d.as_dvec3(), ray.o.as_dvec3() - center.as_dvec3());
+    let a = d.length_squared();
+    let nearest = -f.dot(d) / a;
+    let discriminant = f64::from(radius).powi(2) - (f + d * nearest).length_squared();
+    if discriminant < 0.0 {
+        return None;
+    }
+    let half = (discriminant / a).sqrt();
+    let within = |t: f64| t > 0.0 && t <= f64::from(ray.t_max);
+    [nearest - half, nearest + half].into_iter().find(|t| within(*t)).map(|t| t as f32)
+}
+
+fn mesh_surface(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Surface {
+    let corners = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
+    let [b, c] = hit.barycentric;
+    let weights = [1.0 - b - c, b, c];
+    let [p0, p1, p2] = corners.map(|i| mesh.positions[i]);
+    let blend = |v: [Vec3; 3]| v[0] * weights[0] + v[1] * weights[1] + v[2] * weights[2];
+    let p = transform.point(blend([p0, p1, p2]));
+    let error = transform.error(blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(7)) + p.abs() * gamma(2);
+    let ng = transform.normal((p1 - p0).cross(p2 - p0));
+    let ns = if mesh.normals.is_empty() {
+        ng
+    } else {
+        let n = transform.normal(blend(corners.map(|i| mesh.normals[i])));
+        if n == Vec3::ZERO { ng } else { n * 1.0_f32.copysign(n.dot(ng)) }
+    };
+    let uv = if mesh.uvs.is_empty() {
+        Vec2::new(b, c)
+    } else {
+        let [u0, u1, u2] = corners.map(|i| mesh.uvs[i]);
+        u0 * weights[0] + u1 * weights[1] + u2 * weights[2]
+    };
+    Surface { p, error, ng, ns, uv, object: hit.object }
+}
+
+fn sphere_surface(center: Vec3, radius: f32, at: Vec3, hit: &Hit) -> Surface {
+    // Back onto the sphere: the ray's own rounding must not stay in the position.
+    let n = (at - center).normalize_or(Vec3::Y);
+    let p = center + n * radius;
+    let error = (n.abs() * radius + center.abs()) * gamma(5);
+    let uv = Vec2::new(atan2(n.z, n.x) / TAU + 0.5, 1.0 - acos(n.y.clamp(-1.0, 1.0)) * FRAC_1_PI);
+    Surface { p, error, ng: n, ns: n, uv, object: hit.object }
+}

@@ -1,0 +1,42 @@
+//! Owns compiling the document's tree of distance functions to a tape.
+
+use super::document::{Components, Named, SdfNode};
+use crate::sdf::{NodeId, SdfError, Tape, TapeBuilder};
+use glam::{DVec3, Mat3};
+
+/// The tape of a tree.
+pub(super) fn compile(root: &SdfNode) -> Result<Tape, SdfError> {
+    let mut builder = TapeBuilder::new();
+    let root = push(&mut builder, root);
+    builder.finish(root)
+}
+
+/// Appends a node after its children. The document's own limit bounds the depth.
+fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
+    match node {
+        SdfNode::Sphere { radius } => builder.sphere(*radius),
+        SdfNode::Box { size } => builder.cuboid(*size),
+        SdfNode::Torus { major_radius, minor_radius } => builder.torus(*major_radius, *minor_radius),
+        SdfNode::Mandelbulb { power, iterations, bailout } => {
+            builder.mandelbulb(*power, *iterations, *bailout)
+        }
+        SdfNode::Union { children } => {
+            let children = push_all(builder, children);
+            builder.union(&children)
+        }
+        SdfNode::SmoothUnion { k, children } => {
+            let children = push_all(builder, children);
+            builder.smooth_union(&children, *k)
+        }
+        SdfNode::Transform { translate, rotate, scale, child } => {
+            let child = push(builder, child);
+            let turn = Components { translate: DVec3::ZERO, rotate: *rotate, scale: DVec3::ONE }.affine();
+            let rotation = Mat3::from_cols_array(&turn.matrix3.to_cols_array().map(|v| v as f32));
+            builder.transform(child, translate.as_vec3(), rotation, *scale as f32)
+        }
+    }
+}
+
+fn push_all(builder: &mut TapeBuilder, children: &Named<SdfNode>) -> Vec<NodeId> {
+    children.values().map(|child| push(builder, child)).collect()
+}

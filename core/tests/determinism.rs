@@ -1,0 +1,114 @@
+//! Owns the pure-pixel rule: tiles, threads, windows and results on the wire change no bit.
+
+mod support;
+
+use karst_core::film::{Film, Region, Round, TileGrid, TileResult};
+use karst_core::render::{next_round, render_tile};
+use karst_core::scene::Scene;
+use std::sync::atomic::AtomicBool;
+use support::{fingerprint, render, scene};
+
+fn text(sampling: &str, film: &str) -> String {
+    format!(
+        r#"{{"version": 1,
+        "camera": {{"type": "perspective", "vfov": 50, "lens_radius": 0.05, "focus_distance": 4, "transform": {{"look_at": {{"eye": [0, 1, 4], "target": [0, 0, 0], "up": [0, 1, 0]}}}}}},
+        "film": {{"width": 150, "height": 70{film}}},
+        "sampling": {sampling},
+        "integrator": {{"max_depth": 6}},
+        "materials": {{"gray": {{"type": "diffuse", "reflectance": [0.6, 0.5, 0.4]}}}},
+        "spheres": {{"lamp": {{"center": [2, 3, 1], "radius": 0.4, "material": "gray", "emission": [20, 18, 15]}},
+                     "ground": {{"center": [0, -101, 0], "radius": 100, "material": "gray"}}}},
+        "sdf_objects": {{"bulb": {{"material": "gray", "tree": {{"type": "mandelbulb", "iterations": 6}}}}}},
+        "lights": {{"sky": {{"type": "environment", "radiance": [0.1, 0.2, 0.3]}}}}}}"#
+    )
+}
+
+const FIXED: &str = r#"{"spp": 18, "seed": 5}"#;
+const ADAPTIVE: &str = r#"{"target_error": 0.12, "min_spp": 8, "max_spp": 128, "seed": 5}"#;
+
+#[test]
+fn tile_size_and_threads_change_no_bit() {
+    for sampling in [FIXED, ADAPTIVE] {
+        let scene = scene(&text(sampling, ""));
+        let want = fingerprint(&render(&scene, 16, 1).picture());
+        for (tile_size, threads) in [(16, 2), (32, 3), (64, 1), (96, 2), (96, 8), (1000, 3)] {
+            let got = fingerprint(&render(&scene, tile_size, threads).picture());
+            assert_eq!(got, want, "{sampling} tile size {tile_size}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn another_seed_or_frame_is_another_picture() {
+    let base = fingerprint(&render(&scene(&text(FIXED, "")), 64, 2).picture());
+    let seeded = fingerprint(&render(&scene(&text(r#"{"spp": 18, "seed": 6}"#, "")), 64, 2).picture());
+    assert_ne!(base, seeded);
+}
+
+#[test]
+fn a_crop_window_shows_the_same_pixels() {
+    let full = render(&scene(&text(FIXED, "")), 32, 2);
+    let window = Region { x0: 37, y0: 19, x1: 101, y1: 58 };
+    let crop = r#", "crop": {"x": 37, "y": 19, "width": 64, "height": 39}"#;
+    let cropped = render(&scene(&text(FIXED, crop)), 32, 2);
+    // The error layer is a block's and blocks are clipped by the window: it may differ at its rim.
+    let (mut want, mut got) = (full.region(window), cropped.picture());
+    want.error.clear();
+    got.error.clear();
+    assert_eq!(fingerprint(&got), fingerprint(&want));
+}
+
+/// Renders a frame as the service does: results as bytes, merged backwards, the film through a checkpoint each round.
+fn by_bytes(scene: &Scene, tile_size: u32) -> Film {
+    let grid = TileGrid::new(scene.window(), tile_size);
+    let mut film = Film::new(scene.size(), scene.window(), scene.exposure());
+    let mut done = 0;
+    while let Some(round) = next_round(scene.sampling(), &grid, &film, done) {
+        let round = Round::from_bytes(&round.to_bytes()).unwrap();
+        let tiles = (0..grid.tile_count()).filter(|&t| !round.tile_is_empty(&grid, t));
+        let results: Vec<Vec<u8>> = tiles
+            .map(|t| render_tile(scene, &grid, t, &round, &AtomicBool::new(false)).unwrap().to_bytes())
+            .collect();
+        for bytes in results.iter().rev() {
+            film.merge(&TileResult::from_bytes(bytes, &grid, &round).unwrap()).unwrap();
+        }
+        film = Film::from_bytes(&film.to_bytes()).unwrap();
+        done += 1;
+    }
+    film
+}
+
+#[test]
+fn results_and_films_survive_their_bytes() {
+    for sampling in [FIXED, ADAPTIVE] {
+        let scene = scene(&text(sampling, ""));
+        assert_eq!(
+            fingerprint(&by_bytes(&scene, 48).picture()),
+            fingerprint(&render(&scene, 64, 2).picture())
+        );
+    }
+}
+
+#[test]
+fn damaged_bytes_are_refused() {
+    let scene = scene(&text(FIXED, ""));
+    let grid = TileGrid::new(scene.window(), 32);
+    let film = Film::new(scene.size(), scene.window(), 0.0);
+    let round = next_round(scene.sampling(), &grid, &film, 0).unwrap();
+    let result = render_tile(&scene, &grid, 1, &round, &AtomicBool::new(false)).unwrap();
+    let bytes = result.to_bytes();
+    assert_eq!(TileResult::from_bytes(&bytes, &grid, &round).as_ref(), Ok(&result));
+    for cut in [0, 3, 10, 60, bytes.len() / 2, bytes.len() - 1] {
+        assert!(TileResult::from_bytes(&bytes[..cut], &grid, &round).is_err(), "cut at {cut}");
+        assert!(Film::from_bytes(&film.to_bytes()[..cut]).is_err());
+    }
+    let longer = [bytes.as_slice(), &[0]].concat();
+    assert!(TileResult::from_bytes(&longer, &grid, &round).is_err());
+    let mut other = bytes.clone();
+    other[4] = 200;
+    assert!(TileResult::from_bytes(&other, &grid, &round).is_err(), "another tile");
+    // A result merges once only.
+    let mut film = film;
+    film.merge(&result).unwrap();
+    assert!(film.merge(&result).is_err());
+}
