@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use karst_client::DEFAULT_SERVER;
-use karst_core::scene::{Crop, Overrides};
+use karst_core::film::Region;
+use karst_core::scene::Overrides;
 
 pub(crate) use values::FrameList;
 use values::{crop, frames, positive, size, tile_size};
@@ -86,7 +87,7 @@ pub(crate) struct SettingsArgs {
     pub(crate) size: Option<(u32, u32)>,
     /// Render only this rectangle of the frame: left, top, width, height in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = crop)]
-    pub(crate) crop: Option<Crop>,
+    pub(crate) crop: Option<Region>,
 }
 
 impl SettingsArgs {
@@ -100,7 +101,7 @@ impl SettingsArgs {
             time_limit: self.time_limit,
             seed: self.seed,
             size: self.size,
-            crop: self.crop.clone(),
+            crop: self.crop,
         }
     }
 }

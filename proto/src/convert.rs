@@ -1,7 +1,7 @@
 //! The only file that names both wire and core types: translation, and validation of untrusted fields.
 
 use karst_core::film::{Counters, FrameSummary, Region};
-use karst_core::scene::{Crop, Overrides, Problems};
+use karst_core::scene::{Overrides, Problems};
 use tonic::Status;
 
 use crate::errors::{ErrorReason, Violation, bad_request_of};
@@ -137,7 +137,8 @@ pub fn settings_from_wire(settings: &v1::RenderSettings) -> Result<Overrides, Ve
         let text = format!("found {}x{}, expected at least one pixel", size.width, size.height);
         found.add("job.settings.size", text);
     }
-    if let Some(crop) = settings.crop.filter(|crop| crop.x0 >= crop.x1 || crop.y0 >= crop.y1) {
+    let crop = settings.crop.map(|crop| region_from_wire(&crop));
+    if let Some(crop) = crop.filter(|crop| crop.area() == 0) {
         let text = format!(
             "found x from {} to {} and y from {} to {}, expected at least one pixel",
             crop.x0, crop.x1, crop.y0, crop.y1
@@ -152,12 +153,7 @@ pub fn settings_from_wire(settings: &v1::RenderSettings) -> Result<Overrides, Ve
         time_limit: settings.time_limit_seconds,
         seed: settings.seed,
         size: settings.size.map(|size| (size.width, size.height)),
-        crop: settings.crop.map(|crop| Crop {
-            x: crop.x0,
-            y: crop.y0,
-            width: crop.x1.saturating_sub(crop.x0),
-            height: crop.y1.saturating_sub(crop.y0),
-        }),
+        crop,
     })
 }
 
@@ -171,12 +167,7 @@ pub fn settings_to_wire(overrides: &Overrides) -> v1::RenderSettings {
         time_limit_seconds: overrides.time_limit,
         seed: overrides.seed,
         size: overrides.size.map(|(width, height)| v1::Size { width, height }),
-        crop: overrides.crop.as_ref().map(|crop| v1::Region {
-            x0: crop.x,
-            y0: crop.y,
-            x1: crop.x.saturating_add(crop.width),
-            y1: crop.y.saturating_add(crop.height),
-        }),
+        crop: overrides.crop.as_ref().map(region_to_wire),
     }
 }
 

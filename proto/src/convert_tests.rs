@@ -1,6 +1,7 @@
 //! Round trips and refusals of the translation.
 
-use karst_core::scene::{Crop, Overrides, Problem, Problems};
+use karst_core::film::Region;
+use karst_core::scene::{Overrides, Problem, Problems};
 
 use super::{job_from_wire, problems_to_status, rgb_f16, rgb_f32, settings_from_wire, settings_to_wire};
 use crate::errors::violations;
@@ -49,7 +50,7 @@ fn settings_survive_the_round_trip() {
         time_limit: Some(1.5),
         seed: Some(7),
         size: Some((640, 360)),
-        crop: Some(Crop { x: 1, y: 2, width: 3, height: 4 }),
+        crop: Some(Region { x0: 1, y0: 2, x1: 3, y1: 4 }),
     };
     assert_eq!(settings_from_wire(&settings_to_wire(&adaptive)).as_ref(), Ok(&adaptive));
     let fixed = Overrides { spp: Some(1), ..Overrides::default() };

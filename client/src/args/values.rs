@@ -1,6 +1,6 @@
 //! The little languages of flag values: `1-250:2`, `640x360`, `0,0,64,64`.
 
-use karst_core::scene::Crop;
+use karst_core::film::Region;
 
 /// Frame numbers first, first + step, … up to last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,13 +54,15 @@ pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
 }
 
 /// `X,Y,WIDTH,HEIGHT`.
-pub(super) fn crop(text: &str) -> Result<Crop, String> {
+pub(super) fn crop(text: &str) -> Result<Region, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let crop = match numbers.as_deref() {
-        Some(&[x, y, width, height]) if width > 0 && height > 0 => Some(Crop { x, y, width, height }),
+    let region = match numbers.as_deref() {
+        Some(&[x0, y0, width, height]) if width > 0 && height > 0 => {
+            x0.checked_add(width).zip(y0.checked_add(height)).map(|(x1, y1)| Region { x0, y0, x1, y1 })
+        }
         _ => None,
     };
-    crop.ok_or_else(|| "expected X,Y,WIDTH,HEIGHT in pixels, width and height from 1".to_owned())
+    region.ok_or_else(|| "expected X,Y,WIDTH,HEIGHT in pixels, width and height from 1".to_owned())
 }
 
 /// A multiple of 16 from 16 to 256.
@@ -82,7 +84,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::{FrameList, crop, frames, size};
-    use karst_core::scene::Crop;
+    use karst_core::film::Region;
 
     #[test]
     fn frame_lists() {
@@ -110,8 +112,8 @@ mod tests {
         for wrong in ["640", "0x1", "1x0", "-1x2", "1x2x3", "x"] {
             assert!(size(wrong).is_err(), "{wrong:?}");
         }
-        assert_eq!(crop("8, 16,4,2"), Ok(Crop { x: 8, y: 16, width: 4, height: 2 }));
-        for wrong in ["1,2,3", "0,0,0,1", "4294967296,0,1,1", "0,0,-1,1", "1,2,3,4,5"] {
+        assert_eq!(crop("8, 16,4,2"), Ok(Region { x0: 8, y0: 16, x1: 12, y1: 18 }));
+        for wrong in ["1,2,3", "0,0,0,1", "4294967295,0,1,1", "0,0,-1,1", "1,2,3,4,5"] {
             assert!(crop(wrong).is_err(), "{wrong:?}");
         }
     }

@@ -68,16 +68,16 @@ fn statistics(frame: i32, seed: u32, summary: &FrameSummary) -> Value {
     json!({
         "frame": frame,
         "seed": seed,
-        "samples": summary.samples,
         "spp_mean": summary.spp_mean,
         "spp_min": summary.spp_min,
         "spp_max": summary.spp_max,
-        "rel_mse": summary.rel_mse,
-        "rel_mse_ci95": summary.rel_mse_ci95,
+        "samples": summary.samples,
         "rays": counters.rays,
         "shadow_rays": counters.shadow_rays,
         "nonfinite_samples": counters.nan_samples + counters.infinite_samples,
         "exhausted_rays": counters.exhausted_rays,
+        "rel_mse": summary.rel_mse,
+        "rel_mse_ci95": summary.rel_mse_ci95,
     })
 }
 
