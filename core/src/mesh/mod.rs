@@ -1,4 +1,9 @@
-//! Owns triangle meshes.
+//! Owns triangle meshes: what they are, and that every one that is read is sound.
+
+mod obj;
+mod ply;
+#[cfg(test)]
+mod tests;
 
 use glam::{Vec2, Vec3};
 
@@ -7,12 +12,100 @@ use glam::{Vec2, Vec3};
 pub struct Mesh {
     /// Positions of the vertices, finite.
     pub positions: Vec<Vec3>,
-    /// Normals per vertex, of any length; empty where the file has none.
+    /// Normals per vertex, finite, of any length; empty where not every vertex has one.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates per vertex, v upwards; empty where the file has none.
+    /// Texture coordinates per vertex, finite, v upwards; empty where not every vertex has one.
     pub uvs: Vec<Vec2>,
     /// Corners of the triangles, counter-clockwise seen from the front; every index is below `positions.len()`.
     pub triangles: Vec<[u32; 3]>,
     /// Triangles of the file that were left out because they have no area.
     pub dropped: u32,
+}
+
+/// What is wrong with a mesh file.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{place}: {message}")]
+pub struct MeshError {
+    /// Where in the file, such as `line 12`, `offset 300` or `vertex 7`.
+    pub place: String,
+    /// What was found and what is allowed.
+    pub message: String,
+}
+
+impl MeshError {
+    fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { place: place.into(), message: message.into() }
+    }
+}
+
+/// Share of the squared diagonal of the mesh below which a triangle has no area.
+const NO_AREA: f64 = 1.0e-12;
+
+/// Reads an OBJ or PLY file, chosen by the extension of `path`, of at most `max_triangles` triangles.
+///
+/// Polygons become fans around their first corner. Triangles without area are left out and counted.
+///
+/// # Errors
+/// Damaged files, numbers that are not finite, indices of vertices that are not there, too many triangles.
+pub fn read(bytes: &[u8], path: &str, max_triangles: u64) -> Result<Mesh, MeshError> {
+    let ply = path.rsplit('.').next().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
+    let mut mesh = if ply { ply::read(bytes, max_triangles)? } else { obj::read(bytes, max_triangles)? };
+    check(&mesh)?;
+    drop_degenerate(&mut mesh);
+    Ok(mesh)
+}
+
+/// Refuses more triangles than are left of the limit.
+fn check_count(triangles: u64, left: u64) -> Result<(), MeshError> {
+    if triangles <= left {
+        return Ok(());
+    }
+    Err(MeshError::new(
+        "file",
+        format!("has {triangles} triangles, {left} are left of the limit for all meshes"),
+    ))
+}
+
+/// Refuses numbers that are not finite and indices beyond the vertices.
+fn check(mesh: &Mesh) -> Result<(), MeshError> {
+    let not_finite = |index: usize, what: &str, found: String| {
+        MeshError::new(
+            format!("vertex {index}"),
+            format!("found the {what} {found}, expected finite numbers"),
+        )
+    };
+    if let Some((index, p)) = mesh.positions.iter().enumerate().find(|(_, p)| !p.is_finite()) {
+        return Err(not_finite(index, "position", p.to_string()));
+    }
+    if let Some((index, n)) = mesh.normals.iter().enumerate().find(|(_, n)| !n.is_finite()) {
+        return Err(not_finite(index, "normal", n.to_string()));
+    }
+    if let Some((index, uv)) = mesh.uvs.iter().enumerate().find(|(_, uv)| !uv.is_finite()) {
+        return Err(not_finite(index, "texture coordinate", uv.to_string()));
+    }
+    let vertices = mesh.positions.len();
+    let beyond = |triangle: &[u32; 3]| triangle.iter().copied().find(|&index| index as usize >= vertices);
+    match mesh.triangles.iter().enumerate().find_map(|(at, triangle)| Some((at, beyond(triangle)?))) {
+        None => Ok(()),
+        Some((at, index)) => Err(MeshError::new(
+            format!("triangle {at}"),
+            format!("found the vertex index {index}, the mesh has {vertices} vertices"),
+        )),
+    }
+}
+
+/// Leaves out triangles with a corner twice or with next to no area.
+fn drop_degenerate(mesh: &mut Mesh) {
+    let (low, high) = mesh
+        .positions
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+    let least = NO_AREA * (high.as_dvec3() - low.as_dvec3()).length_squared();
+    let positions = &mesh.positions;
+    let before = mesh.triangles.len();
+    mesh.triangles.retain(|&[a, b, c]| {
+        let [p, q, r] = [a, b, c].map(|index| positions[index as usize].as_dvec3());
+        a != b && b != c && c != a && (q - p).cross(r - p).length() / 2.0 > least
+    });
+    mesh.dropped += (before - mesh.triangles.len()) as u32;
 }

@@ -1,22 +1,158 @@
-//! Stub.
-use super::object::PreparedMesh;
-use crate::texture::{ColorSpace, Image};
+//! Owns the asset files of a document: meshes and images, each read once and within the limits.
+
 use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-/// Stub.
+
+use crate::bvh::triangle::TriangleBvh;
+use crate::mesh;
+use crate::scene::document::{AssetKind, AssetRef, Document, Limits, Problems};
+use crate::scene::object::PreparedMesh;
+use crate::texture::Image;
+
+/// Where asset files come from; paths are those of [`AssetRef::path`].
+pub trait AssetSource: Sync {
+    /// Size of a file in bytes.
+    ///
+    /// # Errors
+    /// Those of the source, [`io::ErrorKind::NotFound`] where there is no such file.
+    fn len(&self, path: &str) -> Result<u64, io::Error>;
+
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// As for [`AssetSource::len`].
+    fn read(&self, path: &str) -> Result<Vec<u8>, io::Error>;
+}
+
+/// The files in and below one folder.
+#[derive(Debug, Clone)]
+pub struct Folder {
+    root: PathBuf,
+}
+
+impl Folder {
+    /// A source that reads below `root`.
+    ///
+    /// # Errors
+    /// When the folder is not there or cannot be entered.
+    pub fn new(root: impl AsRef<Path>) -> Result<Self, io::Error> {
+        Ok(Self { root: root.as_ref().canonicalize()? })
+    }
+
+    /// The place of a file after all symbolic links, which must be in the folder.
+    fn resolve(&self, path: &str) -> Result<PathBuf, io::Error> {
+        let found = self.root.join(path).canonicalize()?;
+        if !found.starts_with(&self.root) {
+            return Err(io::Error::new(
+                io::ErrorKind::PermissionDenied,
+                "leads out of the document's folder",
+            ));
+        }
+        if !found.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not a regular file"));
+        }
+        Ok(found)
+    }
+}
+
+impl AssetSource for Folder {
+    fn len(&self, path: &str) -> Result<u64, io::Error> {
+        Ok(self.resolve(path)?.metadata()?.len())
+    }
+
+    fn read(&self, path: &str) -> Result<Vec<u8>, io::Error> {
+        std::fs::read(self.resolve(path)?)
+    }
+}
+
+/// The asset files of a document, read and checked.
 #[derive(Debug, Clone, Default)]
 pub struct Assets {
-    /// Stub.
-    pub meshes: BTreeMap<String, Arc<PreparedMesh>>,
+    meshes: BTreeMap<String, Arc<PreparedMesh>>,
+    images: BTreeMap<String, Arc<Image>>,
 }
+
+/// What is left of the limits while files are loaded.
+#[derive(Debug)]
+struct Budget {
+    triangles: u64,
+    texels: u64,
+}
+
 impl Assets {
-    /// Stub.
+    /// Reads every file that a document names, once.
+    ///
+    /// # Errors
+    /// Files that are missing, too large or malformed, at the places in the document that name them; the sizes
+    /// of all files are checked before the first is read.
+    pub fn load(document: &Document, source: &dyn AssetSource, limits: &Limits) -> Result<Self, Problems> {
+        let mut problems = Problems::default();
+        check_sizes(document.assets(), source, limits, &mut problems);
+        problems.or(())?;
+        let (mut problems, mut assets) = (Problems::default(), Self::default());
+        let mut left = Budget { triangles: limits.max_triangles, texels: limits.max_texels };
+        for asset in document.assets() {
+            if let Err(message) = assets.add(asset, source, &mut left) {
+                problems.push(asset.problem(message));
+            }
+        }
+        problems.or(assets)
+    }
+
+    fn add(&mut self, asset: &AssetRef, source: &dyn AssetSource, left: &mut Budget) -> Result<(), String> {
+        let bytes = source.read(&asset.path).map_err(|error| reading(&error))?;
+        match asset.kind {
+            AssetKind::Mesh => {
+                let mesh =
+                    mesh::read(&bytes, &asset.path, left.triangles).map_err(|error| error.to_string())?;
+                left.triangles -= mesh.triangles.len() as u64;
+                let corners =
+                    mesh.triangles.iter().map(|corners| corners.map(|index| mesh.positions[index as usize]));
+                let tree = TriangleBvh::build(corners).map_err(|error| error.to_string())?;
+                self.meshes.insert(asset.path.clone(), Arc::new(PreparedMesh { mesh, tree }));
+            }
+            AssetKind::Image => {
+                let image = Image::read(&bytes, left.texels).map_err(|error| error.to_string())?;
+                left.texels -= u64::from(image.width()) * u64::from(image.height());
+                self.images.insert(asset.path.clone(), Arc::new(image));
+            }
+        }
+        Ok(())
+    }
+
+    /// The mesh in a file that the document names, with the tree over its triangles.
     pub fn mesh(&self, path: &str) -> Option<Arc<PreparedMesh>> {
         self.meshes.get(path).cloned()
     }
-    /// Stub.
-    pub fn image(&self, _path: &str) -> Option<Arc<Image>> {
-        let _ = ColorSpace::Srgb;
-        None
+
+    /// The image in a file that the document names.
+    pub fn image(&self, path: &str) -> Option<Arc<Image>> {
+        self.images.get(path).cloned()
     }
+}
+
+/// Reports missing files, and the file with which all files together pass the limit.
+fn check_sizes(assets: &[AssetRef], source: &dyn AssetSource, limits: &Limits, problems: &mut Problems) {
+    let (mut total, limit) = (0_u64, limits.max_asset_bytes);
+    for asset in assets {
+        match source.len(&asset.path) {
+            Err(error) => problems.push(asset.problem(reading(&error))),
+            Ok(bytes) => {
+                let before = total;
+                total = total.saturating_add(bytes);
+                if before <= limit && total > limit {
+                    let message = format!(
+                        "has {bytes} bytes, with the files before it {total}, the limit is {limit} for all together"
+                    );
+                    problems.push(asset.problem(message));
+                }
+            }
+        }
+    }
+}
+
+fn reading(error: &io::Error) -> String {
+    if error.kind() == io::ErrorKind::NotFound { "does not exist".to_owned() } else { error.to_string() }
 }

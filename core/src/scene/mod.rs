@@ -7,11 +7,11 @@ mod document;
 mod object;
 mod tape;
 
-pub use assets::Assets;
+pub use assets::{AssetSource, Assets, Folder};
 pub use compiled::Scene;
 pub use document::{
-    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance, Integrator,
-    Light, LookAt, Material, MeshFile, Named, Problem, Problems, Sampling, SdfNode, SdfObject, SdfSettings,
-    Sphere,
+    AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Film, Filter,
+    FrameRange, Goal, Instance, Integrator, Light, Limits, LookAt, Material, MeshFile, Named, Overrides,
+    Problem, Problems, Sampling, Scale, SdfNode, SdfObject, SdfSettings, Sphere, json_schema, reference_page,
 };
 pub use object::{Hit, PreparedMesh, Surface};

@@ -1,6 +1,6 @@
 //! Owns compiling the document's tree of distance functions to a tape.
 
-use super::document::{Components, Named, SdfNode};
+use super::document::{Components, Named, Scale, SdfNode};
 use crate::sdf::{NodeId, SdfError, Tape, TapeBuilder};
 use glam::{DVec3, Mat3};
 
@@ -30,7 +30,8 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
         }
         SdfNode::Transform { translate, rotate, scale, child } => {
             let child = push(builder, child);
-            let turn = Components { translate: DVec3::ZERO, rotate: *rotate, scale: DVec3::ONE }.affine();
+            let turn =
+                Components { translate: DVec3::ZERO, rotate: *rotate, scale: Scale(DVec3::ONE) }.affine();
             let rotation = Mat3::from_cols_array(&turn.matrix3.to_cols_array().map(|v| v as f32));
             builder.transform(child, translate.as_vec3(), rotation, *scale as f32)
         }

@@ -1,5 +1,9 @@
 //! Owns colours that vary over a surface.
 
+mod image;
+
+pub use image::{Image, ImageError};
+
 /// What the numbers in an image file mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorSpace {
@@ -7,14 +11,4 @@ pub enum ColorSpace {
     Srgb,
     /// Proportional to light: data.
     Linear,
-}
-/// Stub.
-#[derive(Debug)]
-pub struct Image;
-impl Image {
-    /// Stub.
-    pub fn lookup(&self, uv: glam::Vec2, space: ColorSpace) -> glam::Vec3 {
-        let _ = space;
-        uv.extend(0.0)
-    }
 }

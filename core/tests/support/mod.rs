@@ -11,12 +11,12 @@ use std::sync::atomic::AtomicBool;
 
 /// Nobody watches.
 #[derive(Debug)]
-pub struct Nobody;
+pub(crate) struct Nobody;
 
 impl FrameObserver for Nobody {}
 
 /// Compiles a frame of a document whose assets lie in `folder`.
-pub fn scene_in(folder: &Path, text: &str, frame: i32) -> Scene {
+pub(crate) fn scene_in(folder: &Path, text: &str, frame: i32) -> Scene {
     let limits = Limits::default();
     let document = Document::parse(text, "test.json", &limits).unwrap_or_else(|p| panic!("{p}"));
     let source = Folder::new(folder).unwrap();
@@ -26,18 +26,18 @@ pub fn scene_in(folder: &Path, text: &str, frame: i32) -> Scene {
 }
 
 /// Compiles the first frame of a document without assets.
-pub fn scene(text: &str) -> Scene {
+pub(crate) fn scene(text: &str) -> Scene {
     scene_in(Path::new("."), text, 1)
 }
 
 /// Renders with a number of threads.
-pub fn render(scene: &Scene, tile_size: u32, threads: usize) -> Film {
+pub(crate) fn render(scene: &Scene, tile_size: u32, threads: usize) -> Film {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| render_frame(scene, tile_size, &AtomicBool::new(false), &Nobody)).unwrap()
 }
 
 /// The SHA-256 of all layers' bits.
-pub fn fingerprint(picture: &Picture) -> String {
+pub(crate) fn fingerprint(picture: &Picture) -> String {
     let mut hash = Sha256::new();
     for layer in [&picture.color, &picture.albedo, &picture.normal] {
         for v in layer.iter().flat_map(Vec3::to_array) {
@@ -51,7 +51,7 @@ pub fn fingerprint(picture: &Picture) -> String {
 }
 
 /// Mean over pixels and channels, and its standard error from the difference of the replicates.
-pub fn pooled_mean(film: &Film) -> (f64, f64) {
+pub(crate) fn pooled_mean(film: &Film) -> (f64, f64) {
     let picture = film.picture();
     let mean = mean_of(&picture.color);
     let rmse = film.summary().rmse.unwrap_or(f64::NAN);
@@ -59,6 +59,6 @@ pub fn pooled_mean(film: &Film) -> (f64, f64) {
 }
 
 /// Mean over pixels and channels.
-pub fn mean_of(colors: &[Vec3]) -> f64 {
+pub(crate) fn mean_of(colors: &[Vec3]) -> f64 {
     colors.iter().map(|c| f64::from(c.element_sum()) / 3.0).sum::<f64>() / colors.len() as f64
 }

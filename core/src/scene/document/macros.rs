@@ -3,12 +3,15 @@
 /// An object with a fixed set of fields.
 ///
 /// `object! { "title"; /// docs pub struct Name { /// docs field: Type = rule; … } }`
+///
+/// `checked by path` after the name calls `path(&Name, &Cursor) -> bool` on the decoded value; it reports what
+/// is wrong between fields.
 macro_rules! object {
     (
         $title:literal;
         $(#[doc = $doc:literal])+
         $(#[derive($($derive:ident),+)])?
-        $vis:vis struct $name:ident {
+        $vis:vis struct $name:ident $(checked by $check:path)? {
             $( $(#[doc = $field_doc:literal])+ $field:ident : $ty:ty = $rule:expr; )*
         }
     ) => {
@@ -16,6 +19,46 @@ macro_rules! object {
         #[derive(Debug, Clone, PartialEq $($(, $derive)+)?)]
         $vis struct $name {
             $( $(#[doc = $field_doc])+ pub $field: $ty, )*
+        }
+
+        impl $crate::scene::document::decode::Decode for $name {
+            fn decode(
+                at: &$crate::scene::document::cursor::Cursor<'_>,
+                _: &$crate::scene::document::rule::Allowed,
+            ) -> Option<Self> {
+                if !at.is_object($title) {
+                    return None;
+                }
+                at.only($title, &[$(stringify!($field)),*]);
+                $( let $field: Option<$ty> = at.field(stringify!($field), $rule); )*
+                let value = Self { $( $field: $field?, )* };
+                $( if !$check(&value, at) { return None; } )?
+                Some(value)
+            }
+
+            fn expected(_: &$crate::scene::document::rule::Allowed) -> String {
+                format!("a {} object", $title)
+            }
+
+            fn schema(
+                _: &$crate::scene::document::rule::Allowed,
+                definitions: &mut $crate::scene::document::schema::Definitions,
+            ) -> serde_json::Value {
+                definitions.define($title, |definitions| {
+                    let mut fields = $crate::scene::document::schema::Fields::new(concat!($($doc),+));
+                    $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), $rule, definitions); )*
+                    fields.finish()
+                })
+            }
+
+            fn show(&self) -> serde_json::Value {
+                let mut fields = serde_json::Map::new();
+                $( fields.insert(
+                    stringify!($field).to_owned(),
+                    $crate::scene::document::decode::Decode::show(&self.$field),
+                ); )*
+                serde_json::Value::Object(fields)
+            }
         }
     };
 }
@@ -27,6 +70,7 @@ macro_rules! variants {
     (
         $title:literal;
         $(#[doc = $doc:literal])+
+        $(#[derive($($derive:ident),+)])?
         $vis:vis enum $name:ident {
             $(
                 $(#[doc = $variant_doc:literal])+
@@ -37,14 +81,123 @@ macro_rules! variants {
         }
     ) => {
         $(#[doc = $doc])+
-        #[derive(Debug, Clone, PartialEq)]
+        #[derive(Debug, Clone, PartialEq $($(, $derive)+)?)]
         $vis enum $name {
             $(
                 $(#[doc = $variant_doc])+
                 $variant { $( $(#[doc = $field_doc])+ $field: $ty, )* },
             )+
         }
+
+        impl $crate::scene::document::decode::Decode for $name {
+            fn decode(
+                at: &$crate::scene::document::cursor::Cursor<'_>,
+                _: &$crate::scene::document::rule::Allowed,
+            ) -> Option<Self> {
+                match at.tag($title, &[$($tag),+])? {
+                    $(
+                        $tag => {
+                            at.only(concat!($tag, " ", $title), &["type" $(, stringify!($field))*]);
+                            $( let $field: Option<$ty> = at.field(stringify!($field), $rule); )*
+                            Some(Self::$variant { $( $field: $field?, )* })
+                        }
+                    )+
+                    _ => None,
+                }
+            }
+
+            fn expected(_: &$crate::scene::document::rule::Allowed) -> String {
+                format!("a {} object", $title)
+            }
+
+            fn schema(
+                _: &$crate::scene::document::rule::Allowed,
+                definitions: &mut $crate::scene::document::schema::Definitions,
+            ) -> serde_json::Value {
+                definitions.define($title, |definitions| {
+                    let mut variants = Vec::new();
+                    $(
+                        let mut fields = $crate::scene::document::schema::Fields::new(concat!($($variant_doc),+));
+                        fields.tag($tag);
+                        $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), $rule, definitions); )*
+                        variants.push(fields.finish());
+                    )+
+                    $crate::scene::document::schema::one_of(concat!($($doc),+), variants)
+                })
+            }
+
+            fn show(&self) -> serde_json::Value {
+                let mut fields = serde_json::Map::new();
+                match self {
+                    $(
+                        Self::$variant { $( $field, )* } => {
+                            fields.insert("type".to_owned(), serde_json::Value::from($tag));
+                            $( fields.insert(
+                                stringify!($field).to_owned(),
+                                $crate::scene::document::decode::Decode::show($field),
+                            ); )*
+                        }
+                    )+
+                }
+                serde_json::Value::Object(fields)
+            }
+        }
     };
 }
 
-pub(super) use {object, variants};
+/// An enum, declared elsewhere, that the document says by one of a few words.
+///
+/// `words! { "title"; Name { /// docs "word" => Variant, … } }`
+macro_rules! words {
+    (
+        $title:literal;
+        $name:ty {
+            $( $(#[doc = $word_doc:literal])+ $word:literal => $variant:ident, )+
+        }
+    ) => {
+        impl $crate::scene::document::decode::Decode for $name {
+            fn decode(
+                at: &$crate::scene::document::cursor::Cursor<'_>,
+                allowed: &$crate::scene::document::rule::Allowed,
+            ) -> Option<Self> {
+                use $crate::scene::document::{nearest::nearest, tree::Value};
+                let Value::Text(found) = &at.node.value else {
+                    at.expected(&Self::expected(allowed));
+                    return None;
+                };
+                match found.as_str() {
+                    $( $word => Some(Self::$variant), )+
+                    other => {
+                        let hint = nearest(other, [$($word),+]).map(|word| format!("did you mean {word:?}?"));
+                        at.problem(format!("found {}, expected {}", at.found(), Self::expected(allowed)), hint);
+                        None
+                    }
+                }
+            }
+
+            fn expected(_: &$crate::scene::document::rule::Allowed) -> String {
+                [$(concat!("\"", $word, "\"")),+].join(" or ")
+            }
+
+            fn schema(
+                _: &$crate::scene::document::rule::Allowed,
+                definitions: &mut $crate::scene::document::schema::Definitions,
+            ) -> serde_json::Value {
+                definitions.define($title, |_| {
+                    let words = vec![
+                        $( serde_json::json!({"const": $word, "description": concat!($($word_doc),+).trim()}) ),+
+                    ];
+                    serde_json::json!({"oneOf": words})
+                })
+            }
+
+            fn show(&self) -> serde_json::Value {
+                match self {
+                    $( Self::$variant => serde_json::Value::from($word), )+
+                }
+            }
+        }
+    };
+}
+
+pub(super) use {object, variants, words};

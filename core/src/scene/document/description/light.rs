@@ -3,10 +3,12 @@
 use glam::Vec3;
 
 use crate::scene::document::macros::variants;
+use crate::scene::document::rule::required;
 
 variants! {
     "light";
     /// A light that is not a surface.
+    #[derive(Copy)]
     pub enum Light {
         /// Light from all directions, infinitely far away.
         "environment" => Environment {

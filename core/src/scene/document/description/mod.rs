@@ -11,7 +11,9 @@ pub use light::Light;
 pub use sampling::{Goal, Integrator, Sampling};
 pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};
 pub use surface::{ColorTexture, Instance, Material, MeshFile, Sphere};
-pub use transform::{Components, LookAt};
+pub use transform::{Components, LookAt, Scale};
+
+pub(super) use transform::{from_rows, to_rows};
 pub use view::{Camera, Crop, Film, Filter};
 
 use crate::scene::Named;

@@ -2,13 +2,15 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use crate::scene::Named;
+use crate::scene::document::cursor::Cursor;
 use crate::scene::document::macros::{object, variants};
+use crate::scene::document::named::Named;
+use crate::scene::document::rule::{Table, auto, or, required};
 
 object! {
     "sdf_object";
     /// An object made of distance functions.
-    pub struct SdfObject {
+    pub struct SdfObject checked by is_small {
         /// Name of the material.
         material: String = required().naming(Table::Materials);
         /// Places the object.
@@ -26,7 +28,7 @@ object! {
     "bounds";
     /// A box along the axes.
     #[derive(Copy)]
-    pub struct Bounds {
+    pub struct Bounds checked by is_box {
         /// Lowest corner.
         min: Vec3 = required();
         /// Highest corner; above `min` in every axis.
@@ -110,4 +112,47 @@ variants! {
             child: Box<SdfNode> = required();
         }
     }
+}
+
+/// Deepest nesting of SDF nodes.
+const MAX_DEPTH: u32 = 64;
+
+impl SdfNode {
+    /// Nodes of the tree, and the depth of its deepest node; 1 and 1 for a leaf.
+    pub fn size(&self) -> (u64, u32) {
+        let children: &mut dyn Iterator<Item = &Self> = match self {
+            Self::Sphere { .. } | Self::Box { .. } | Self::Torus { .. } | Self::Mandelbulb { .. } => {
+                &mut std::iter::empty()
+            }
+            Self::Union { children } | Self::SmoothUnion { children, .. } => &mut children.values(),
+            Self::Transform { child, .. } => &mut std::iter::once(child.as_ref()),
+        };
+        children
+            .map(Self::size)
+            .fold((1, 1), |(count, depth), (nodes, below)| (count + nodes, depth.max(below + 1)))
+    }
+}
+
+fn is_box(bounds: &Bounds, at: &Cursor<'_>) -> bool {
+    let ok = bounds.min.cmplt(bounds.max).all();
+    if !ok {
+        at.problem("found \"min\" that is not below \"max\" in every axis", None);
+    }
+    ok
+}
+
+fn is_small(object: &SdfObject, at: &Cursor<'_>) -> bool {
+    let (nodes, depth) = object.tree.size();
+    let before = at.context.sdf_nodes.get();
+    let (total, limit) = (before + nodes, at.context.limits.max_sdf_nodes);
+    at.context.sdf_nodes.set(total);
+    if depth > MAX_DEPTH {
+        at.member_problem("tree", format!("found nodes nested {depth} deep, the limit is {MAX_DEPTH}"), None);
+    }
+    if before <= limit && total > limit {
+        let message =
+            format!("found {total} SDF nodes up to here, the limit is {limit} in all objects together");
+        at.member_problem("tree", message, None);
+    }
+    depth <= MAX_DEPTH && total <= limit
 }

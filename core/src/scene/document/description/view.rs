@@ -3,11 +3,14 @@
 use glam::DAffine3;
 
 use crate::color::View;
+use crate::scene::document::cursor::Cursor;
 use crate::scene::document::macros::{object, variants};
+use crate::scene::document::rule::{optional, or, required};
 
 variants! {
     "camera";
     /// Where the picture is taken from.
+    #[derive(Copy)]
     pub enum Camera {
         /// A perspective camera, with a thin lens where `lens_radius` is above 0.
         "perspective" => Perspective {
@@ -26,7 +29,7 @@ variants! {
 object! {
     "film";
     /// The picture: its size and how samples become pixels and pixels become an image.
-    pub struct Film {
+    pub struct Film checked by fits {
         /// Width in pixels. Cannot be animated.
         width: u32 = required().from(1.0).to(65536.0);
         /// Height in pixels. Cannot be animated.
@@ -62,6 +65,7 @@ object! {
 variants! {
     "filter";
     /// The reconstruction filter: how far around a pixel's centre its samples lie, and with what density.
+    #[derive(Copy)]
     pub enum Filter {
         /// Even over a square.
         "box" => Box {
@@ -79,4 +83,33 @@ variants! {
             radius: f32 = or(1.5).above(0.0).to(8.0);
         }
     }
+}
+
+impl Film {
+    /// The rectangle that is rendered: the crop, or all of the film.
+    pub fn window(&self) -> Crop {
+        self.crop.unwrap_or(Crop { x: 0, y: 0, width: self.width, height: self.height })
+    }
+}
+
+/// Whether the film is within the limit of pixels and the crop within the film.
+fn fits(film: &Film, at: &Cursor<'_>) -> bool {
+    let pixels = u64::from(film.width) * u64::from(film.height);
+    let limit = at.context.limits.max_pixels;
+    if pixels > limit {
+        let message =
+            format!("found {} x {} = {pixels} pixels, the limit is {limit}", film.width, film.height);
+        at.problem(message, None);
+        return false;
+    }
+    let Some(crop) = film.crop else { return true };
+    // Each is at most 65536: the sums fit.
+    let (right, bottom) = (crop.x + crop.width, crop.y + crop.height);
+    let inside = right <= film.width && bottom <= film.height;
+    if !inside {
+        let message =
+            format!("found a crop to ({right}, {bottom}) of a film of {} x {}", film.width, film.height);
+        at.member_problem("crop", message, None);
+    }
+    inside
 }

@@ -1,0 +1,215 @@
+//! Owns the bytes: blobs in the data folder, written once, named by their SHA-256.
+//!
+//! [`Blobs::put`] returns when the bytes would survive a power cut: written to a temporary file, synced, renamed,
+//! folder synced. A crash before that leaves at most a temporary file, which nobody reads. Every read checks the
+//! digest: damaged bytes become an error, never wrong pixels.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use futures::TryStreamExt;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Name;
+use object_store::{ObjectStore, ObjectStoreExt};
+use prost::bytes::Bytes;
+
+use crate::digest::Digest;
+use crate::error::Error;
+
+/// What a blob is for; each kind has a folder of its own, so that leftovers of a crash can be told apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Scene documents and the files they name.
+    Asset,
+    /// Results of a round that is being rendered; deleted when the film that contains them is stored.
+    Pack,
+    /// A frame's film after a round; the last one stays.
+    Film,
+    /// Files of finished frames.
+    Frame,
+}
+
+impl Kind {
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Asset => "assets",
+            Self::Pack => "packs",
+            Self::Film => "films",
+            Self::Frame => "frames",
+        }
+    }
+
+    fn name(self, digest: &Digest) -> Name {
+        let hex = digest.to_string();
+        Name::from_iter([self.folder(), &hex[..2], &hex[2..]])
+    }
+}
+
+/// The blob store.
+#[derive(Debug, Clone)]
+pub struct Blobs {
+    store: Arc<LocalFileSystem>,
+    root: PathBuf,
+}
+
+impl Blobs {
+    /// Opens the store in `root`, which is made if it is not there.
+    ///
+    /// # Errors
+    /// When the folder cannot be made or read.
+    pub fn open(root: &Path) -> Result<Self, Error> {
+        std::fs::create_dir_all(root)?;
+        let store = LocalFileSystem::new_with_prefix(root)?.with_fsync(true);
+        Ok(Self { store: Arc::new(store), root: root.to_owned() })
+    }
+
+    /// Stores `bytes`; they are durable on return. Storing the same bytes again does nothing.
+    ///
+    /// # Errors
+    /// When the disk is full or fails.
+    pub async fn put(&self, kind: Kind, bytes: impl Into<Bytes>) -> Result<Digest, Error> {
+        let bytes: Bytes = bytes.into();
+        let hashed = bytes.clone();
+        let digest = tokio::task::spawn_blocking(move || Digest::of(&hashed)).await?;
+        if self.size(kind, &digest).await?.is_none() {
+            self.store.put(&kind.name(&digest), bytes.into()).await?;
+        }
+        Ok(digest)
+    }
+
+    /// The bytes of `digest`, checked.
+    ///
+    /// # Errors
+    /// [`Error::Gone`] when there is no such blob, [`Error::Corrupt`] when it is not what it was.
+    pub async fn get(&self, kind: Kind, digest: Digest) -> Result<Vec<u8>, Error> {
+        let bytes = match self.store.get(&kind.name(&digest)).await {
+            Ok(found) => found.bytes().await?,
+            Err(object_store::Error::NotFound { .. }) => return Err(Error::Gone(digest)),
+            Err(e) => return Err(e.into()),
+        };
+        tokio::task::spawn_blocking(move || {
+            if Digest::of(&bytes) == digest { Ok(bytes.into()) } else { Err(Error::Corrupt(digest)) }
+        })
+        .await?
+    }
+
+    /// Bytes `range` of a blob, unchecked: for downloads, whose reader checks the whole.
+    ///
+    /// # Errors
+    /// [`Error::Gone`] when there is no such blob.
+    pub async fn part(&self, kind: Kind, digest: Digest, range: std::ops::Range<u64>) -> Result<Vec<u8>, Error> {
+        match self.store.get_range(&kind.name(&digest), range).await {
+            Ok(bytes) => Ok(bytes.into()),
+            Err(object_store::Error::NotFound { .. }) => Err(Error::Gone(digest)),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    /// The size of a blob in bytes, `None` when there is no such blob.
+    ///
+    /// # Errors
+    /// When the disk fails.
+    pub async fn size(&self, kind: Kind, digest: &Digest) -> Result<Option<u64>, Error> {
+        match self.store.head(&kind.name(digest)).await {
+            Ok(found) => Ok(Some(found.size)),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    /// Deletes a blob if it is there. A crash before leaves a blob that [`Blobs::sweep`] takes away.
+    ///
+    /// # Errors
+    /// When the disk fails.
+    pub async fn delete(&self, kind: Kind, digest: &Digest) -> Result<(), Error> {
+        match self.store.delete(&kind.name(digest)).await {
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    /// Deletes all blobs of a kind that are not in `keep`; at the start of the server, when nobody writes.
+    ///
+    /// # Errors
+    /// When the disk fails.
+    pub async fn sweep(&self, kind: Kind, keep: &BTreeSet<Digest>) -> Result<usize, Error> {
+        let found: Vec<_> = self.store.list(Some(&Name::from(kind.folder()))).try_collect().await?;
+        let mut swept = 0;
+        for object in found {
+            let mut parts = object.location.parts().skip(1);
+            let hex: String = parts.by_ref().map(|p| p.as_ref().to_owned()).collect();
+            if hex.parse::<Digest>().map_or(true, |digest| !keep.contains(&digest)) {
+                self.store.delete(&object.location).await?;
+                swept += 1;
+            }
+        }
+        Ok(swept)
+    }
+
+    /// Takes a file on the same disk, whose bytes have this digest and are synced, as a blob.
+    ///
+    /// # Errors
+    /// When the disk fails.
+    pub fn adopt(&self, kind: Kind, digest: &Digest, file: &Path) -> Result<(), Error> {
+        let target = self.root.join(kind.name(digest).as_ref());
+        let folder = target.parent().unwrap_or(&self.root);
+        std::fs::create_dir_all(folder)?;
+        std::fs::rename(file, &target)?;
+        // Three folders may have new entries: the blob's, the one above, and the kind's parent.
+        for folder in folder.ancestors().take_while(|f| f.starts_with(&self.root)) {
+            std::fs::File::open(folder)?.sync_all()?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Blobs, Kind};
+    use crate::digest::Digest;
+    use crate::error::Error;
+    use std::collections::BTreeSet;
+
+    #[tokio::test]
+    async fn bytes_come_back_and_damage_is_noticed() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = Blobs::open(dir.path()).unwrap();
+        let digest = blobs.put(Kind::Film, &b"film"[..]).await.unwrap();
+        assert_eq!(blobs.put(Kind::Film, &b"film"[..]).await.unwrap(), digest);
+        assert_eq!(blobs.get(Kind::Film, digest).await.unwrap(), b"film");
+        assert_eq!(blobs.size(Kind::Film, &digest).await.unwrap(), Some(4));
+        assert_eq!(blobs.size(Kind::Pack, &digest).await.unwrap(), None);
+        let hex = digest.to_string();
+        std::fs::write(dir.path().join("films").join(&hex[..2]).join(&hex[2..]), b"fiLm").unwrap();
+        assert!(matches!(blobs.get(Kind::Film, digest).await, Err(Error::Corrupt(d)) if d == digest));
+        blobs.delete(Kind::Film, &digest).await.unwrap();
+        blobs.delete(Kind::Film, &digest).await.unwrap();
+        assert!(matches!(blobs.get(Kind::Film, digest).await, Err(Error::Gone(_))));
+    }
+
+    #[tokio::test]
+    async fn a_sweep_takes_only_what_nobody_keeps() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = Blobs::open(dir.path()).unwrap();
+        let kept = blobs.put(Kind::Pack, &b"kept"[..]).await.unwrap();
+        let lost = blobs.put(Kind::Pack, &b"lost"[..]).await.unwrap();
+        let other = blobs.put(Kind::Film, &b"lost"[..]).await.unwrap();
+        assert_eq!(blobs.sweep(Kind::Pack, &BTreeSet::from([kept])).await.unwrap(), 1);
+        assert_eq!(blobs.size(Kind::Pack, &kept).await.unwrap(), Some(4));
+        assert_eq!(blobs.size(Kind::Pack, &lost).await.unwrap(), None);
+        assert_eq!(blobs.size(Kind::Film, &other).await.unwrap(), Some(4));
+    }
+
+    #[test]
+    fn an_adopted_file_is_a_blob() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = Blobs::open(&dir.path().join("blobs")).unwrap();
+        let file = dir.path().join("upload");
+        std::fs::write(&file, b"mesh").unwrap();
+        blobs.adopt(Kind::Asset, &Digest::of(b"mesh"), &file).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        assert_eq!(runtime.block_on(blobs.get(Kind::Asset, Digest::of(b"mesh"))).unwrap(), b"mesh");
+        assert!(!file.exists());
+    }
+}

@@ -1,0 +1,279 @@
+//! Owns the order in which things become durable. One queue, one writer, groups of entries in one transaction.
+//!
+//! For a group: the results' bytes → one pack per frame (synced) → one transaction with all rows → merged into the
+//! films → previews and watchers told. So nobody hears of anything that a crash could take back, and:
+//! - a crash before the transaction leaves packs or films that no row names: swept at the next start;
+//! - a crash after it leaves rows whose blobs are there: they are merged again at the next start;
+//! - a crash before old packs are deleted leaves them: swept at the next start.
+//!
+//! Each errs towards doing work again, never towards losing or counting anything twice.
+//! A disk that fails or is full stops the ledger, and with it the workers, until it works again: nothing is lost
+//! and nothing needs a restart.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use karst_core::film::TileResult;
+use prost::bytes::Bytes;
+use tokio::sync::mpsc;
+use tokio::time::{Instant, sleep, timeout_at};
+
+use crate::blobs::{Blobs, Kind};
+use crate::digest::Digest;
+use crate::error::Error;
+use crate::farm::Event;
+use crate::farm::live::LiveFrame;
+use crate::farm::queue::Task;
+use crate::preview::Hub;
+use crate::state::{Row, State};
+
+/// Results wait for each other at most this long, so that many share a sync.
+const WINDOW: Duration = Duration::from_millis(100);
+/// Results in one group.
+const GROUP: usize = 16;
+/// Entries that wait for the writer; workers wait beyond.
+const BACKLOG: usize = 64;
+
+/// A result that is not durable yet.
+#[derive(Debug)]
+pub(crate) struct Rendered {
+    /// What was asked for.
+    pub task: Task,
+    /// The result.
+    pub result: TileResult,
+    /// The same as bytes.
+    pub bytes: Vec<u8>,
+    /// The round waits for nothing else.
+    pub last: bool,
+}
+
+/// A film after a round.
+pub(crate) struct NewFilm {
+    /// Whose film.
+    pub frame: Arc<LiveFrame>,
+    /// Rounds in it.
+    pub rounds: u32,
+    /// Its bytes.
+    pub bytes: Bytes,
+}
+
+/// What becomes durable.
+pub(crate) enum Entry {
+    /// The result of a task.
+    Rendered(Box<Rendered>),
+    /// Rows that belong together.
+    Rows(Box<Rows>),
+}
+
+/// Rows that belong together, with what follows from them.
+pub(crate) struct Rows {
+    /// The rows.
+    pub rows: Vec<Row>,
+    /// A film that is stored before the rows.
+    pub film: Option<NewFilm>,
+    /// Frames that were given up: the rows forget their packs.
+    pub given_up: Vec<Arc<LiveFrame>>,
+    /// Runs when all of it is durable.
+    pub then: Box<dyn FnOnce() + Send>,
+}
+
+impl fmt::Debug for Entry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Rendered(_) => "Rendered",
+            Self::Rows(_) => "Rows",
+        })
+    }
+}
+
+/// The writer.
+pub(crate) struct Ledger {
+    pub(crate) state: State,
+    pub(crate) blobs: Blobs,
+    pub(crate) hub: Arc<Hub>,
+    pub(crate) farm: mpsc::UnboundedSender<Event>,
+}
+
+/// The queue in front of the writer.
+pub(crate) fn channel() -> (mpsc::Sender<Entry>, mpsc::Receiver<Entry>) {
+    mpsc::channel(BACKLOG)
+}
+
+impl Ledger {
+    /// Writes until all senders are gone.
+    pub(crate) async fn run(self, mut entries: mpsc::Receiver<Entry>) {
+        let mut last = Instant::now();
+        while let Some(first) = entries.recv().await {
+            let group = collect(first, &mut entries, last + WINDOW).await;
+            self.write(group).await;
+            last = Instant::now();
+        }
+    }
+
+    async fn write(&self, group: Vec<Entry>) {
+        let mut results: BTreeMap<(i64, i32), Vec<Rendered>> = BTreeMap::new();
+        let mut rows = Vec::new();
+        let mut thens = Vec::new();
+        let mut old = Vec::new();
+        let mut films = Vec::new();
+        let mut given_up = Vec::new();
+        for entry in group {
+            match entry {
+                Entry::Rendered(r) if r.task.frame.is_stopped() => drop(r),
+                Entry::Rendered(r) => {
+                    results.entry((r.task.frame.number, r.task.frame.frame)).or_default().push(*r);
+                }
+                Entry::Rows(entry) => {
+                    rows.extend(entry.rows);
+                    films.extend(entry.film);
+                    given_up.extend(entry.given_up);
+                    thens.push(entry.then);
+                }
+            }
+        }
+        // A round's results were written before its film was made, so results beside a film are of the next round:
+        // the film's row goes first, because it forgets the packs of the frame.
+        for film in films {
+            rows.push(self.store_film(film, &mut old).await);
+        }
+        for results in results.values() {
+            rows.push(self.store_pack(results).await);
+        }
+        persist(|| self.state.commit(&rows)).await;
+        for frame in given_up {
+            old.extend(frame.merged().packs.drain(..).map(|pack| (Kind::Pack, pack)));
+        }
+        for (_, results) in results {
+            self.merge(results).await;
+        }
+        for then in thens {
+            then();
+        }
+        for (kind, digest) in old {
+            if let Err(e) = self.blobs.delete(kind, &digest).await {
+                tracing::warn!("a blob that nobody needs stays until the next start: {e}");
+            }
+        }
+    }
+
+    async fn store_film(&self, film: NewFilm, old: &mut Vec<(Kind, Digest)>) -> Row {
+        let digest = persist(|| self.blobs.put(Kind::Film, film.bytes.clone())).await;
+        let mut merged = film.frame.merged();
+        old.extend(merged.packs.drain(..).map(|pack| (Kind::Pack, pack)));
+        old.extend(merged.stored.replace(digest).filter(|d| *d != digest).map(|d| (Kind::Film, d)));
+        Row::Film { job: film.frame.job.to_string(), frame: film.frame.frame, rounds: film.rounds, film: digest }
+    }
+
+    async fn store_pack(&self, results: &[Rendered]) -> Row {
+        let pack = Bytes::from(pack(results.iter().map(|r| r.bytes.as_slice())));
+        let digest = persist(|| self.blobs.put(Kind::Pack, pack.clone())).await;
+        let task = &results[0].task;
+        task.frame.merged().packs.push(digest);
+        Row::Pack {
+            job: task.frame.job.to_string(),
+            frame: task.frame.frame,
+            round: task.round.index,
+            pack: digest,
+        }
+    }
+
+    /// Merges durable results of one frame and tells the previews and the farm.
+    async fn merge(&self, results: Vec<Rendered>) {
+        let frame = Arc::clone(&results[0].task.frame);
+        let merged = tokio::task::spawn_blocking(move || {
+            let frame = Arc::clone(&results[0].task.frame);
+            let mut merged = frame.merged();
+            let mut tiles = Vec::with_capacity(results.len());
+            for r in &results {
+                merged.film.merge(&r.result).map_err(|e| format!("tile {}: {e}", r.task.tile))?;
+                merged.rounds[r.task.tile as usize] = r.task.round.index + 1;
+                frame.add_samples(r.result.counters.samples);
+                tiles.push(r.task.tile);
+            }
+            Ok::<_, String>(tiles)
+        })
+        .await;
+        let event = match merged {
+            Ok(Ok(tiles)) => {
+                self.hub.publish(&frame.job, frame.frame, &tiles);
+                Event::Accepted(frame, tiles.len() as u32)
+            }
+            Ok(Err(message)) => Event::TileFailed(frame, message),
+            Err(e) => Event::TileFailed(frame, e.to_string()),
+        };
+        let _ = self.farm.send(event);
+    }
+}
+
+/// Takes what belongs in one transaction with `first`.
+async fn collect(first: Entry, entries: &mut mpsc::Receiver<Entry>, until: Instant) -> Vec<Entry> {
+    let urgent = |entry: &Entry| match entry {
+        Entry::Rendered(r) => r.last,
+        Entry::Rows(_) => true,
+    };
+    let mut group = vec![first];
+    while group.len() < GROUP && !group.iter().any(urgent) {
+        match timeout_at(until, entries.recv()).await {
+            Ok(Some(entry)) => group.push(entry),
+            Ok(None) | Err(_) => break,
+        }
+    }
+    while group.len() < GROUP
+        && let Ok(entry) = entries.try_recv()
+    {
+        group.push(entry);
+    }
+    group
+}
+
+/// Repeats a write until the disk takes it.
+async fn persist<T, F: Future<Output = Result<T, Error>>>(write: impl Fn() -> F) -> T {
+    let mut pause = Duration::from_millis(100);
+    loop {
+        match write().await {
+            Ok(value) => return value,
+            Err(e) => tracing::error!("nothing can be stored, trying again in {pause:?}: {e}"),
+        }
+        sleep(pause).await;
+        pause = (pause * 2).min(Duration::from_secs(10));
+    }
+}
+
+/// Results one after the other, each behind its length in four bytes, little endian.
+fn pack<'a>(results: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
+    let mut pack = Vec::new();
+    for bytes in results {
+        pack.extend((bytes.len() as u32).to_le_bytes());
+        pack.extend(bytes);
+    }
+    pack
+}
+
+/// The results of a pack; `None` when it is not one.
+pub(crate) fn unpack(mut pack: &[u8]) -> Option<Vec<&[u8]>> {
+    let mut results = Vec::new();
+    while !pack.is_empty() {
+        let (length, rest) = pack.split_first_chunk::<4>()?;
+        let (bytes, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        results.push(bytes);
+        pack = rest;
+    }
+    Some(results)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{pack, unpack};
+
+    #[test]
+    fn packs_hold_results_and_other_bytes_are_none() {
+        let parts: [&[u8]; 3] = [b"one", b"", b"three"];
+        let packed = pack(parts.into_iter());
+        assert_eq!(unpack(&packed).unwrap(), parts);
+        assert_eq!(unpack(&packed[..packed.len() - 1]), None);
+        assert_eq!(unpack(&[1, 2]), None);
+        assert_eq!(unpack(&[255; 8]), None);
+    }
+}

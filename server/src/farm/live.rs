@@ -1,0 +1,124 @@
+//! Owns the frames that are being rendered: their films, shared between the ledger that merges, the loop that plans
+//! and the previews that look.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use karst_core::film::{Film, TileGrid};
+use karst_core::scene::Scene;
+
+use crate::digest::Digest;
+
+/// A frame that is being rendered.
+#[derive(Debug)]
+pub struct LiveFrame {
+    /// The job's place in the queue.
+    pub number: i64,
+    /// The job's id.
+    pub job: Arc<str>,
+    /// Frame number.
+    pub frame: i32,
+    /// What is rendered.
+    pub scene: Arc<Scene>,
+    /// Its tiles.
+    pub grid: TileGrid,
+    /// Workers drop what they do for this frame.
+    pub stop: AtomicBool,
+    /// Tiles of this round that no worker has finished.
+    unrendered: AtomicU32,
+    /// Samples in the film.
+    samples: AtomicU64,
+    merged: Mutex<Merged>,
+}
+
+/// What is merged; everything in it is durable.
+#[derive(Debug)]
+pub struct Merged {
+    /// The film.
+    pub film: Film,
+    /// For each tile how many rounds are in the film.
+    pub rounds: Vec<u32>,
+    /// No further round.
+    pub complete: bool,
+    /// The stored film after the last finished round.
+    pub stored: Option<Digest>,
+    /// Stored results since then.
+    pub packs: Vec<Digest>,
+}
+
+impl LiveFrame {
+    /// A frame with what is merged already.
+    pub fn new(place: (i64, Arc<str>, i32), scene: Arc<Scene>, grid: TileGrid, merged: Merged) -> Self {
+        let (number, job, frame) = place;
+        let samples = AtomicU64::new(merged.film.summary().samples);
+        Self {
+            number,
+            job,
+            frame,
+            scene,
+            grid,
+            stop: AtomicBool::new(false),
+            unrendered: AtomicU32::new(0),
+            samples,
+            merged: Mutex::new(merged),
+        }
+    }
+
+    /// What is merged.
+    pub fn merged(&self) -> MutexGuard<'_, Merged> {
+        self.merged.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A round begins in which `tiles` tiles have to be rendered.
+    pub fn begin_round(&self, tiles: u32) {
+        self.unrendered.store(tiles, Ordering::Relaxed);
+    }
+
+    /// A tile was rendered; true when it was the last one of the round.
+    pub fn tile_rendered(&self) -> bool {
+        self.unrendered.fetch_sub(1, Ordering::Relaxed) == 1
+    }
+
+    /// Samples in the film.
+    pub fn samples(&self) -> u64 {
+        self.samples.load(Ordering::Relaxed)
+    }
+
+    /// Counts samples that were merged.
+    pub fn add_samples(&self, samples: u64) {
+        self.samples.fetch_add(samples, Ordering::Relaxed);
+    }
+
+    /// Whether its workers should drop what they do.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// All frames that are being rendered.
+#[derive(Debug, Default)]
+pub struct Live {
+    frames: Mutex<HashMap<(Arc<str>, i32), Arc<LiveFrame>>>,
+}
+
+impl Live {
+    /// The frame, if it is being rendered.
+    pub fn get(&self, job: &str, frame: i32) -> Option<Arc<LiveFrame>> {
+        self.lock().get(&(Arc::from(job), frame)).cloned()
+    }
+
+    /// Adds a frame.
+    pub fn insert(&self, frame: Arc<LiveFrame>) {
+        self.lock().insert((Arc::clone(&frame.job), frame.frame), frame);
+    }
+
+    /// Removes a frame: it is stored or given up.
+    pub fn remove(&self, job: &str, frame: i32) -> Option<Arc<LiveFrame>> {
+        self.lock().remove(&(Arc::from(job), frame))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashMap<(Arc<str>, i32), Arc<LiveFrame>>> {
+        self.frames.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,238 @@
+//! Owns how a job becomes something that can be rendered: document and assets once per job, scene and film per
+//! frame, where a frame goes on after a crash. All of it heavy, all of it on blocking threads.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::sync::Arc;
+
+use karst_core::film::{Film, Round, TileGrid, TileResult};
+use karst_core::render::next_round;
+use karst_core::scene::{AssetSource, Assets, Document, Limits, Problems, Scene};
+use karst_proto::convert::problems_to_violations;
+use karst_proto::errors::Violation;
+use tokio::runtime::Handle;
+use tokio::task::spawn_blocking;
+
+use crate::blobs::{Blobs, Kind};
+use crate::digest::Digest;
+use crate::error::Error;
+use crate::farm::ledger::unpack;
+use crate::farm::live::{LiveFrame, Merged};
+use crate::spec::{Frames, JobSpec};
+use crate::state::{State, StoredRound};
+
+/// What problems call the document: the server does not know its file.
+const ORIGIN: &str = "scene.json";
+
+/// What all frames of a job share.
+#[derive(Debug)]
+pub(crate) struct Context {
+    pub spec: JobSpec,
+    pub document: Document,
+    pub assets: Assets,
+}
+
+/// A frame that is ready to be rendered.
+#[derive(Debug)]
+pub(crate) struct Opened {
+    /// The frame with everything that survived.
+    pub frame: Arc<LiveFrame>,
+    /// The round that comes next; `None` when there is none.
+    pub round: Option<Arc<Round>>,
+}
+
+/// Reads, parses and checks the scene of a job and loads its assets.
+///
+/// # Errors
+/// [`Error::Scene`] with all problems, [`Error::Gone`] or [`Error::Corrupt`] for its blobs.
+pub(crate) async fn load(blobs: &Blobs, limits: &Limits, spec: JobSpec) -> Result<Context, Error> {
+    let size = blobs.size(Kind::Asset, &spec.scene).await?.ok_or(Error::Gone(spec.scene))?;
+    if size > limits.max_document_bytes {
+        let most = limits.max_document_bytes;
+        return Err(Error::limit("job.scene.digest", format!("the document has {size} bytes, at most {most}")));
+    }
+    let text = blobs.get(Kind::Asset, spec.scene).await?;
+    let source = BlobSource { blobs: blobs.clone(), files: spec.files.clone(), runtime: Handle::current() };
+    let limits = limits.clone();
+    spawn_blocking(move || load_blocking(&text, &source, &limits, spec)).await?
+}
+
+fn load_blocking(text: &[u8], source: &BlobSource, limits: &Limits, spec: JobSpec) -> Result<Context, Error> {
+    let text = std::str::from_utf8(text)
+        .map_err(|e| Error::Scene(vec![Violation::new("scene", format!("expected UTF-8 text: {e}"))], 1))?;
+    let document = Document::parse(text, ORIGIN, limits).map_err(|p| scene_error(&p))?;
+    let missing: Vec<Violation> = document
+        .assets()
+        .iter()
+        .filter(|asset| !spec.files.contains_key(&asset.path))
+        .map(|asset| {
+            let text = format!("the document names {:?}, which is not among job.scene.files", asset.path);
+            Violation::new("scene", text)
+        })
+        .collect();
+    if !missing.is_empty() {
+        let total = missing.len();
+        return Err(Error::Scene(missing, total));
+    }
+    let assets = Assets::load(&document, source, limits).map_err(|p| scene_error(&p))?;
+    Ok(Context { spec, document, assets })
+}
+
+/// The frames that a job asks for, all of the document's where it does not say.
+///
+/// # Errors
+/// Frames outside the document's range, or too many.
+pub(crate) fn frames_of(context: &Context, limits: &Limits) -> Result<Frames, Error> {
+    let range = context.document.frames();
+    let asked = context.spec.frames.unwrap_or(Frames { first: range.first, last: range.last, step: 1 });
+    if asked.first < range.first || asked.last > range.last || asked.last < asked.first {
+        let text = format!(
+            "found {} to {}, expected frames from {} to {}",
+            asked.first, asked.last, range.first, range.last
+        );
+        return Err(Error::field("job.frames", text));
+    }
+    if asked.count() > limits.max_frames {
+        let text = format!("{} frames, at most {}", asked.count(), limits.max_frames);
+        return Err(Error::limit("job.frames", text));
+    }
+    Ok(asked)
+}
+
+/// Compiles the scene of one frame. Blocks.
+///
+/// # Errors
+/// [`Error::Scene`] with all problems.
+pub(crate) fn build(context: &Context, limits: &Limits, frame: i32) -> Result<Scene, Error> {
+    let mut description = context.document.at(frame).map_err(|p| scene_error(&p))?;
+    let overrides = context.spec.settings.overrides();
+    description.apply(&overrides, limits).map_err(|p| scene_error(&p))?;
+    Scene::build(&description, &context.assets, frame).map_err(|p| scene_error(&p))
+}
+
+/// Makes a frame ready: its scene, and the film and results that survived.
+///
+/// Blobs that are damaged or gone are rendered again: that errs towards work, never towards wrong pixels.
+///
+/// # Errors
+/// Problems of the scene, a failing disk.
+pub(crate) async fn open(
+    place: (i64, Arc<str>, i32),
+    scene: Arc<Scene>,
+    tile_size: u32,
+    stores: (&State, &Blobs),
+) -> Result<Opened, Error> {
+    let (state, blobs) = stores;
+    let stored = state.round(&place.1, place.2).await?;
+    let survived = read_stored(blobs, stored).await?;
+    spawn_blocking(move || restore(place, scene, tile_size, survived)).await
+        .map_err(Error::from)
+}
+
+/// What could be read of a frame.
+struct Survived {
+    film: Option<(Film, Digest)>,
+    rounds: u32,
+    packs: Vec<(Digest, Vec<u8>)>,
+}
+
+async fn read_stored(blobs: &Blobs, stored: StoredRound) -> Result<Survived, Error> {
+    let mut survived = Survived { film: None, rounds: stored.rounds, packs: Vec::new() };
+    if let Some(digest) = stored.film {
+        match read_film(blobs, digest).await {
+            Ok(film) => survived.film = Some((film, digest)),
+            Err(e @ (Error::Gone(_) | Error::Corrupt(_))) => {
+                tracing::error!("the frame is rendered from its beginning: {e}");
+                return Ok(Survived { film: None, rounds: 0, packs: Vec::new() });
+            }
+            Err(e) => return Err(e),
+        }
+    }
+    for digest in stored.packs {
+        match blobs.get(Kind::Pack, digest).await {
+            Ok(bytes) => survived.packs.push((digest, bytes)),
+            Err(e @ (Error::Gone(_) | Error::Corrupt(_))) => {
+                tracing::error!("the results in it are rendered again: {e}");
+            }
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(survived)
+}
+
+/// A stored film.
+///
+/// # Errors
+/// [`Error::Gone`], [`Error::Corrupt`], a failing disk.
+pub(crate) async fn read_film(blobs: &Blobs, digest: Digest) -> Result<Film, Error> {
+    let bytes = blobs.get(Kind::Film, digest).await?;
+    spawn_blocking(move || Film::from_bytes(&bytes).map_err(|_| Error::Corrupt(digest))).await?
+}
+
+fn restore(place: (i64, Arc<str>, i32), scene: Arc<Scene>, tile_size: u32, survived: Survived) -> Opened {
+    let grid = TileGrid::new(scene.window(), tile_size);
+    let (mut film, stored) = match survived.film {
+        Some((film, digest)) => (film, Some(digest)),
+        None => (Film::new(scene.size(), scene.window(), scene.exposure()), None),
+    };
+    let mut rounds = vec![survived.rounds; grid.tile_count() as usize];
+    let round = next_round(scene.sampling(), &grid, &film, survived.rounds);
+    let mut packs = Vec::new();
+    for (digest, bytes) in &survived.packs {
+        packs.push(*digest);
+        let Some(round) = &round else { continue };
+        for result in results(bytes, &grid, round) {
+            let merged_already = rounds[result.tile as usize] > round.index;
+            if !merged_already && film.merge(&result).is_ok() {
+                rounds[result.tile as usize] = round.index + 1;
+            }
+        }
+    }
+    let merged = Merged { film, rounds, complete: round.is_none(), stored, packs };
+    Opened { frame: Arc::new(LiveFrame::new(place, scene, grid, merged)), round: round.map(Arc::new) }
+}
+
+/// The results of a pack; those that do not fit the plan are rendered again.
+fn results(pack: &[u8], grid: &TileGrid, round: &Round) -> Vec<TileResult> {
+    let parse = |bytes: &[u8]| match TileResult::from_bytes(bytes, grid, round) {
+        Ok(result) => Some(result),
+        Err(e) => {
+            tracing::error!("a stored result is rendered again: {e}");
+            None
+        }
+    };
+    unpack(pack).unwrap_or_default().into_iter().filter_map(parse).collect()
+}
+
+/// The files of a job, for the loaders of the core; used on blocking threads only.
+struct BlobSource {
+    blobs: Blobs,
+    files: BTreeMap<String, Digest>,
+    runtime: Handle,
+}
+
+impl BlobSource {
+    fn digest(&self, path: &str) -> io::Result<Digest> {
+        let missing = || io::Error::new(io::ErrorKind::NotFound, "not among the files of the job");
+        self.files.get(path).copied().ok_or_else(missing)
+    }
+}
+
+impl AssetSource for BlobSource {
+    fn read(&self, path: &str) -> Result<Vec<u8>, io::Error> {
+        let digest = self.digest(path)?;
+        self.runtime.block_on(self.blobs.get(Kind::Asset, digest)).map_err(io::Error::other)
+    }
+
+    fn len(&self, path: &str) -> Result<u64, io::Error> {
+        let digest = self.digest(path)?;
+        let size = self.runtime.block_on(self.blobs.size(Kind::Asset, &digest)).map_err(io::Error::other)?;
+        size.ok_or_else(|| io::Error::from(io::ErrorKind::NotFound))
+    }
+}
+
+/// Problems of the document or its files.
+fn scene_error(problems: &Problems) -> Error {
+    let (violations, total) = problems_to_violations(problems);
+    Error::Scene(violations, total)
+}
