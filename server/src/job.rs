@@ -134,7 +134,8 @@ impl JobRun {
             f.seconds = report.seconds;
             f.statistics = report.statistics;
         }
-        self.job.statistics = self.frames.values().map(|f| f.statistics).fold(Statistics::default(), |a, b| a + b);
+        self.job.statistics =
+            self.frames.values().map(|f| f.statistics).fold(Statistics::default(), |a, b| a + b);
         effects.push(Effect::SaveFrame(frame));
         self.record(Record::Round { frame, report }, effects);
     }

@@ -157,7 +157,8 @@ pub fn half_picture(picture: &Picture, layer: Layer, level: u32) -> HalfPicture 
         let xs = x * step..((x + 1) * step).min(columns);
         let ys = y * step..((y + 1) * step).min(rows);
         let count = (xs.len() * ys.len()) as f32;
-        (ys.flat_map(|y| xs.clone().map(move |x| (y, x))).map(|(y, x)| at(y, x)).sum::<Vec3>() / count).to_array()
+        (ys.flat_map(|y| xs.clone().map(move |x| (y, x))).map(|(y, x)| at(y, x)).sum::<Vec3>() / count)
+            .to_array()
     };
     let elements = (0..height).flat_map(|y| (0..width).map(move |x| (y, x)));
     HalfPicture { width, height, rgb: rgb_f16(elements.map(|(y, x)| mean(y, x))) }

@@ -163,7 +163,12 @@ impl Ledger {
         let mut merged = film.frame.merged();
         old.extend(merged.packs.drain(..).map(|pack| (Kind::Pack, pack)));
         old.extend(merged.stored.replace(digest).filter(|d| *d != digest).map(|d| (Kind::Film, d)));
-        Row::Film { job: film.frame.job.to_string(), frame: film.frame.frame, rounds: film.rounds, film: digest }
+        Row::Film {
+            job: film.frame.job.to_string(),
+            frame: film.frame.frame,
+            rounds: film.rounds,
+            film: digest,
+        }
     }
 
     async fn store_pack(&self, results: &[Rendered]) -> Row {

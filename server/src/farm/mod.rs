@@ -179,9 +179,12 @@ impl Farm {
 
     async fn cancel(&mut self, id: &str, answer: oneshot::Sender<Result<Job, Error>>) {
         match self.jobs.number_of(id) {
-            Some(number) => self.step(number, vec![JobEvent::Cancelled(clock::now())], None, Some(answer)).await,
+            Some(number) => {
+                self.step(number, vec![JobEvent::Cancelled(clock::now())], None, Some(answer)).await
+            }
             None => {
-                let _ = answer.send(Err(Error::JobState(format!("job {id} has ended before it was cancelled"))));
+                let _ =
+                    answer.send(Err(Error::JobState(format!("job {id} has ended before it was cancelled"))));
             }
         }
     }
@@ -218,7 +221,9 @@ impl Farm {
             match effect {
                 Effect::Record(revision, record) => rows.push(Row::Record(id.clone(), revision, record)),
                 Effect::SaveFrame(frame) => {
-                    rows.extend(job.run.frames.get(&frame).map(|f| Row::Frame(id.clone(), Box::new(f.clone()))));
+                    rows.extend(
+                        job.run.frames.get(&frame).map(|f| Row::Frame(id.clone(), Box::new(f.clone()))),
+                    );
                 }
                 Effect::Stop(frame) => {
                     rows.push(Row::ForgetPacks(id.clone(), frame));
@@ -321,7 +326,9 @@ impl Farm {
     }
 
     async fn planned(&mut self, frame: Arc<LiveFrame>, plan: Plan) {
-        let Some(Rendering { round, seconds, .. }) = self.jobs.finish_round(&frame, &plan.summary) else { return };
+        let Some(Rendering { round, seconds, .. }) = self.jobs.finish_round(&frame, &plan.summary) else {
+            return;
+        };
         let out_of_time = frame.scene.sampling().time_limit.is_some_and(|limit| seconds >= limit);
         let next = plan.next.filter(|_| !out_of_time);
         let report = report(round, seconds, &plan.summary);

@@ -57,7 +57,10 @@ impl Jobs for JobsService {
         Ok(Response::new(convert::job(&job)))
     }
 
-    async fn list_jobs(&self, request: Request<ListJobsRequest>) -> Result<Response<ListJobsResponse>, Status> {
+    async fn list_jobs(
+        &self,
+        request: Request<ListJobsRequest>,
+    ) -> Result<Response<ListJobsResponse>, Status> {
         Ok(Response::new(self.list(&request.into_inner()).await?))
     }
 
@@ -141,7 +144,9 @@ impl JobsService {
         };
         let states: Result<Vec<JobState>, Error> = request
             .states()
-            .map(|state| convert::job_state_from_wire(state).ok_or_else(|| Error::field("states", "unknown state")))
+            .map(|state| {
+                convert::job_state_from_wire(state).ok_or_else(|| Error::field("states", "unknown state"))
+            })
             .collect();
         let jobs = self.shared.state.jobs(&states?, before, size).await?;
         let next = if jobs.len() == size as usize { jobs.last() } else { None };
@@ -224,15 +229,22 @@ fn token(job: &str, revision: u64) -> String {
 }
 
 fn revision_of(token: &str, job: &Job) -> Result<u64, Error> {
-    let rest = token.strip_prefix("watch-").and_then(|t| t.strip_prefix(job.id.as_str())).ok_or(Error::Token)?;
+    let rest =
+        token.strip_prefix("watch-").and_then(|t| t.strip_prefix(job.id.as_str())).ok_or(Error::Token)?;
     let revision = rest.strip_prefix('-').and_then(|t| t.parse().ok()).ok_or(Error::Token)?;
     if revision <= job.revision { Ok(revision) } else { Err(Error::Token) }
 }
 
 /// Tells everything that happens to a job until it has ended. `from` is the last revision that the watcher has.
-async fn watch(shared: &Shared, job: Job, from: Option<u64>, outlet: &Outlet<JobEvent>) -> Result<(), Closed> {
+async fn watch(
+    shared: &Shared,
+    job: Job,
+    from: Option<u64>,
+    outlet: &Outlet<JobEvent>,
+) -> Result<(), Closed> {
     let id = job.id.clone();
-    let event = |revision, event| JobEvent { revision, resume_token: token(&id, revision), event: Some(event) };
+    let event =
+        |revision, event| JobEvent { revision, resume_token: token(&id, revision), event: Some(event) };
     let mut feed = shared.feeds.get(&id).map(Listener::new);
     let mut last = from.unwrap_or(job.revision);
     let mut ended = job.state.is_final() && last >= job.revision;

@@ -120,9 +120,8 @@ mod tests {
         });
         ending.cancel();
         assert_eq!(waiting.next().await.unwrap().unwrap_err().code(), Code::Unavailable);
-        let mut failing = stream::<u8, _, _>(&CancellationToken::new(), |_outlet| async move {
-            Err(Error::Token.into())
-        });
+        let mut failing =
+            stream::<u8, _, _>(&CancellationToken::new(), |_outlet| async move { Err(Error::Token.into()) });
         assert_eq!(failing.next().await.unwrap().unwrap_err().code(), Code::InvalidArgument);
         assert!(failing.next().await.is_none());
     }

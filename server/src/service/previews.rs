@@ -52,7 +52,8 @@ impl Previews for PreviewsService {
         if job.state.is_final() {
             viewer.end();
         }
-        let stream_view = View { viewer, job, layer, level: request.level, pace: Pace::new(request.max_bytes_per_second) };
+        let stream_view =
+            View { viewer, job, layer, level: request.level, pace: Pace::new(request.max_bytes_per_second) };
         let films = Arc::clone(&self.films);
         let ending = shared.ending.clone();
         let send = move |outlet| async move { stream_view.run(&shared, &films, frames, &outlet).await };
