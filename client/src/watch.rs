@@ -14,7 +14,7 @@ use crate::retry::{Backoff, is_transient};
 use crate::{Client, Error};
 
 /// How long a stream waits for a server that went away.
-const PATIENCE: Duration = Duration::from_secs(300);
+const PATIENCE: Duration = Duration::from_mins(5);
 
 /// What a watcher hears.
 #[derive(Clone, Debug)]

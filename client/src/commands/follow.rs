@@ -21,7 +21,15 @@ pub(super) async fn follow(
 ) -> Result<Job, Error> {
     let bar = Bar::new();
     let mut updates = pin!(client.watch(job, resume));
-    while let Some(update) = updates.next().await {
+    loop {
+        let update = tokio::select! {
+            update = updates.next() => update,
+            _ = tokio::signal::ctrl_c() => {
+                bar.clear();
+                return Err(Error::Failed(format!("interrupted; the job goes on: `karst watch {job}` finds it again")));
+            }
+        };
+        let Some(update) = update else { break };
         match update? {
             Update::Reconnecting { cause, wait } => {
                 bar.note(&format!("connection lost ({cause}), trying again"));

@@ -48,13 +48,13 @@ async fn wait(
     submitted: Stopwatch,
     talk: Talk,
 ) -> Result<(), Error> {
-    let job = if args.tiles {
-        let (job, ()) =
-            tokio::join!(follow(client, &job.id, None, talk), count_tiles(client, &job.id, submitted, talk));
-        job?
-    } else {
-        follow(client, &job.id, None, talk).await?
+    let tiles = async {
+        if args.tiles {
+            count_tiles(client, &job.id, submitted, talk).await;
+        }
+        Ok(())
     };
+    let (job, ()) = tokio::try_join!(follow(client, &job.id, None, talk), tiles)?;
     if let Some(folder) = &args.output {
         download_frames(client, &job, &Wanted::default(), folder, talk).await?;
     }
@@ -98,7 +98,7 @@ fn request(args: &SubmitArgs, scene: &SceneFiles) -> SubmitJobRequest {
         }),
         frames: args.frames.or(args.frame.map(FrameList::one)).map(frame_range),
         settings: Some(settings_to_wire(&args.settings.overrides())),
-        tile_size: args.work.tile_size,
+        tile_size: args.work.tile_size.unwrap_or(0),
         denoise: denoise(args.work.denoise).into(),
     };
     SubmitJobRequest {
