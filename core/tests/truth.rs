@@ -84,3 +84,23 @@ fn an_sdf_sphere_looks_like_a_sphere() {
     let (b, eb) = pooled_mean(&render(&scene(&furnace(&marched)), 32, 2));
     assert!((a - b).abs() < 4.0 * ea.hypot(eb) + 1e-4, "{a} ± {ea} against {b} ± {eb}");
 }
+
+/// Rays that leave a wall which lies exactly in a coordinate plane do not find it again: a closed box of albedo and
+/// emission one half shows one, its corner at the origin.
+#[test]
+fn walls_in_the_coordinate_planes_do_not_shadow_themselves() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("box.obj"), BOX).unwrap();
+    for scale in [1.0, 556.0] {
+        let text = furnace(&format!(
+            r#""meshes": {{"box": {{"file": "box.obj"}}}},
+            "instances": {{"box": {{"mesh": "box", "material": "gray", "transform": {{"scale": {scale}}},
+            "emission": [0.5, 0.5, 0.5], "flip_normals": true}}}}"#
+        ));
+        let (mean, error) = pooled_mean(&render(&support::scene_in(folder.path(), &text, 1), 32, 2));
+        assert!((mean - 1.0).abs() < 0.002, "scale {scale}: mean {mean} ± {error}");
+    }
+}
+
+const BOX: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+    f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 4 8 7 3\nf 1 5 8 4\nf 2 3 7 6\n";

@@ -22,6 +22,13 @@ pub fn next_away(x: f32, toward: f32) -> f32 {
     }
 }
 
+/// The bound of a coordinate's error is never below that of the largest coordinate: a coordinate that happens to be
+/// exact, 0 say, takes part in sums with the others where the point is used.
+#[inline]
+pub fn even_error(error: Vec3) -> Vec3 {
+    Vec3::splat(error.max_element())
+}
+
 /// Moves a hit point off its surface to the side that `w` points to, by no more than its error bound asks for.
 ///
 /// `error` bounds the absolute error of `p` per coordinate, `n` is the geometric normal
