@@ -1,5 +1,7 @@
 //! The `karst` program from outside: help texts, error texts, exit codes, comparing pictures.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

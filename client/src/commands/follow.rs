@@ -21,6 +21,7 @@ pub(super) async fn follow(
 ) -> Result<Job, Error> {
     let bar = Bar::new();
     let mut updates = pin!(client.watch(job, resume));
+    let mut connected = true;
     loop {
         let update = tokio::select! {
             update = updates.next() => update,
@@ -32,11 +33,14 @@ pub(super) async fn follow(
         let Some(update) = update else { break };
         match update? {
             Update::Reconnecting { cause, wait } => {
-                bar.note(&format!("connection lost ({cause}), trying again"));
+                if std::mem::take(&mut connected) {
+                    bar.note(&format!("connection lost ({cause}), trying again"));
+                }
                 let wait_seconds = wait.as_secs_f64();
                 talk.event(&json!({"event": "reconnecting", "cause": cause, "wait_seconds": wait_seconds}));
             }
             Update::Event(event) => {
+                connected = true;
                 talk.event(&event_json(&event));
                 if let Some(job) = show(&bar, *event) {
                     bar.clear();

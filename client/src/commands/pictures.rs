@@ -83,9 +83,7 @@ fn statistics(frame: i32, seed: u32, summary: &FrameSummary) -> Value {
 
 /// The same picture with denoised colours.
 fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Picture, Error> {
-    let color: Vec<[f32; 3]> = noisy.color.iter().map(|value| value.to_array()).collect();
-    let albedo: Vec<[f32; 3]> = noisy.albedo.iter().map(|value| value.to_array()).collect();
-    let normal: Vec<[f32; 3]> = noisy.normal.iter().map(|value| value.to_array()).collect();
+    let (color, albedo, normal) = (plane(&noisy.color), plane(&noisy.albedo), plane(&noisy.normal));
     let input = Input {
         width: noisy.window.width(),
         height: noisy.window.height(),
@@ -97,6 +95,10 @@ fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Pictur
         .and_then(|denoiser| denoiser.with_threads(threads as u32).denoise(&input, mode))
         .map_err(|error| Error::Failed(error.to_string()))?;
     Ok(Picture { color: smooth.into_iter().map(Into::into).collect(), ..noisy.clone() })
+}
+
+fn plane<T: Copy + Into<[f32; 3]>>(values: &[T]) -> Vec<[f32; 3]> {
+    values.iter().map(|value| (*value).into()).collect()
 }
 
 fn encode_error(path: &Path, error: &dyn std::fmt::Display) -> Error {

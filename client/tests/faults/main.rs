@@ -1,5 +1,7 @@
 //! Lost connections: uploads, watches, collected tiles and downloads go on where they stopped.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
+
 mod fake;
 
 use std::collections::BTreeMap;
