@@ -5,9 +5,11 @@ mod support;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use karst_proto::v1::previews_client::PreviewsClient;
 use karst_proto::v1::{self, JobState, PreviewLayer};
 use support::{Client, TestServer, fading, request_id, scene_text};
 use tonic::Streaming;
+use tonic::transport::Channel;
 
 async fn stream(client: &mut Client, request: v1::StreamTilesRequest) -> Streaming<v1::PreviewTile> {
     client.previews.stream_tiles(request).await.unwrap().into_inner()
@@ -113,8 +115,11 @@ async fn viewers_that_do_not_read_change_nothing() {
     let job = client.submit(&request_id("slow"), &spec).await.unwrap().id;
     let mut silent = Vec::new();
     for _ in 0..20 {
-        let mut own = server.client().await;
-        silent.push(stream(&mut own, all_of(&job)).await);
+        // A small window: what the transport has taken is old by the time it is read.
+        let endpoint = Channel::from_shared(server.url.clone()).unwrap();
+        let endpoint = endpoint.initial_stream_window_size(65_535).initial_connection_window_size(65_535);
+        let mut previews = PreviewsClient::new(endpoint.connect().await.unwrap());
+        silent.push(previews.stream_tiles(all_of(&job)).await.unwrap().into_inner());
     }
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
     // Whoever begins to read now gets some old tiles from the pipe, and then the newest of each, once.
@@ -127,7 +132,7 @@ async fn viewers_that_do_not_read_change_nothing() {
     let tiles = 2 * 5 * 4;
     assert_eq!(newest.len(), tiles);
     assert!(newest.values().all(|t| t.r#final));
-    assert!(messages <= 3 * tiles, "{messages} messages are a backlog");
+    assert!(messages <= tiles + 16, "{messages} messages are a backlog");
     server.stop().await;
 }
 

@@ -68,7 +68,9 @@ impl TestServer {
         let (stop, stopped) = oneshot::channel::<()>();
         let (ready, is_ready) = oneshot::channel();
         let served = tokio::spawn(async move {
-            let ready = move || drop(ready.send(()));
+            let ready = move || {
+                let _ = ready.send(());
+            };
             karst_server::serve(listener, config, ready, async move { drop(stopped.await) }).await
         });
         is_ready.await.expect("the server starts");
