@@ -1,5 +1,7 @@
 //! A real server on port 0, real calls: pictures have the bits of a local render, and calls keep their promises.
 
+#![allow(clippy::unwrap_used, reason = "a test says with unwrap what must hold")]
+
 mod support;
 
 use std::collections::BTreeMap;

@@ -1,5 +1,7 @@
 //! Bad input gets the right code, reason and path, and leaves the server unharmed.
 
+#![allow(clippy::unwrap_used, reason = "a test says with unwrap what must hold")]
+
 mod support;
 
 use karst_proto::errors::violations;
@@ -113,7 +115,7 @@ async fn unknown_jobs_and_frames() {
         layer,
         ..Default::default()
     };
-    let mut stream = |request| {
+    let stream = |request| {
         let mut previews = client.previews.clone();
         async move { refusal(previews.stream_tiles(request).await.map(drop)) }
     };

@@ -1,16 +1,19 @@
 //! The real program, killed in the middle with `kill -9`: it goes on by itself, the picture has the same bits, and
 //! a watcher misses nothing.
 
+#![allow(clippy::unwrap_used, reason = "a test says with unwrap what must hold")]
+
 mod support;
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use karst_core::scene::Overrides;
 use karst_proto::v1::{self, JobState, job_event};
 use support::{Client, fading, hash, is_record, render_locally, request_id, scene_text};
+use tokio::time::Instant;
 
 struct Program {
     child: Child,
@@ -94,7 +97,7 @@ async fn a_killed_server_goes_on_where_it_was() {
         let again = client.submit(&request, &spec).await.unwrap().id;
         assert_eq!(again, job, "the request is remembered");
     }
-    tokio::time::timeout(Duration::from_secs(120), watch(&mut client, &job, &mut seen, |_| false))
+    tokio::time::timeout(Duration::from_mins(2), watch(&mut client, &job, &mut seen, |_| false))
         .await
         .expect("the job finishes by itself");
 

@@ -1,13 +1,16 @@
 //! Previews: early, complete, ended by the job, and harmless when nobody reads them.
 
+#![allow(clippy::unwrap_used, reason = "a test says with unwrap what must hold")]
+
 mod support;
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use karst_proto::v1::previews_client::PreviewsClient;
 use karst_proto::v1::{self, JobState, PreviewLayer};
 use support::{Client, TestServer, fading, request_id, scene_text};
+use tokio::time::Instant;
 use tonic::Streaming;
 use tonic::transport::Channel;
 

@@ -177,7 +177,7 @@ impl Farm {
     async fn cancel(&mut self, id: &str, answer: oneshot::Sender<Result<Job, Error>>) {
         match self.jobs.number_of(id) {
             Some(number) => {
-                self.step(number, vec![JobEvent::Cancelled(clock::now())], None, Some(answer)).await
+                self.step(number, vec![JobEvent::Cancelled(clock::now())], None, Some(answer)).await;
             }
             None => {
                 let _ =
@@ -239,7 +239,7 @@ impl Farm {
         }
         let shared = Arc::clone(&self.shared);
         let then = Box::new(move || tell(&shared, now, &ended, answer));
-        let entry = Entry::Rows(Box::new(Rows { rows, film, given_up, then }));
+        let entry = Entry::Rows(Box::new(Rows { changes: rows, film, given_up, then }));
         if self.ledger.send(entry).await.is_err() {
             tracing::error!("the ledger has ended before the farm");
         }
@@ -272,11 +272,12 @@ fn tell(shared: &Shared, job: Job, ended: &[i32], answer: Option<oneshot::Sender
 }
 
 fn failure(error: &Error) -> Failure {
-    let cause = match error {
-        Error::Scene(..) | Error::Fields(_) | Error::Limit(_) => Cause::Scene,
-        Error::Gone(_) | Error::Corrupt(_) => Cause::Corrupt,
-        Error::Denoiser(_) => Cause::Denoiser,
-        _ => Cause::Internal,
+    let cause = if matches!(error, Error::Scene(..) | Error::Fields(_) | Error::Limit(_)) {
+        Cause::Scene
+    } else if matches!(error, Error::Gone(_) | Error::Corrupt(_)) {
+        Cause::Corrupt
+    } else {
+        Cause::Internal
     };
     Failure::new(cause, error.to_string())
 }

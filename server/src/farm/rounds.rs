@@ -60,26 +60,26 @@ impl Farm {
         }
         self.step(number, events, None, None).await;
         match opened_round {
-            Some(round) => self.begin_round(live, round),
+            Some(round) => self.begin_round(live, &round),
             None => self.finish(live),
         }
     }
 
     /// Opens the tasks of a round that are not merged already.
-    fn begin_round(&mut self, frame: Arc<LiveFrame>, round: Arc<Round>) {
+    fn begin_round(&mut self, frame: Arc<LiveFrame>, round: &Arc<Round>) {
         let merged: Vec<u32> = frame.merged().rounds.clone();
         let open: Vec<u32> = (0..frame.grid.tile_count())
             .filter(|&tile| merged[tile as usize] <= round.index && !round.tile_is_empty(&frame.grid, tile))
             .collect();
         frame.begin_round(open.len() as u32);
-        self.jobs.begin_round(&frame, &round, open.len() as u32);
+        self.jobs.begin_round(&frame, round, open.len() as u32);
         if open.is_empty() {
             self.plan(frame);
             return;
         }
         self.queue.push(open.into_iter().map(|tile| Task {
             frame: Arc::clone(&frame),
-            round: Arc::clone(&round),
+            round: Arc::clone(round),
             tile,
         }));
     }
@@ -115,7 +115,7 @@ impl Farm {
         let film = NewFilm { frame: Arc::clone(&frame), rounds: round + 1, bytes: plan.film };
         self.step(frame.number, events, Some(film), None).await;
         match next {
-            Some(next) => self.begin_round(frame, Arc::new(next)),
+            Some(next) => self.begin_round(frame, &Arc::new(next)),
             None => self.finish(frame),
         }
     }
@@ -149,12 +149,11 @@ async fn open(
         Some(context) => context,
         None => Arc::new(prepare::load(&shared.blobs, &shared.limits, spec).await?),
     };
-    let scene = match scene {
-        Some(scene) => scene,
-        None => {
-            let (context, limits, frame) = (Arc::clone(&context), shared.limits.clone(), place.2);
-            Arc::new(spawn_blocking(move || prepare::build(&context, &limits, frame)).await??)
-        }
+    let scene = if let Some(scene) = scene {
+        scene
+    } else {
+        let (context, limits, frame) = (Arc::clone(&context), shared.limits.clone(), place.2);
+        Arc::new(spawn_blocking(move || prepare::build(&context, &limits, frame)).await??)
     };
     let opened = prepare::open(place, scene, tile_size, (&shared.state, &shared.blobs)).await?;
     Ok((context, opened))

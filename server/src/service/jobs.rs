@@ -119,7 +119,7 @@ impl JobsService {
             Denoiser::find().map_err(|e| Error::Denoiser(e.to_string()))?;
         }
         let busy = "too many scenes are being checked: try again";
-        let _permit = tokio::time::timeout(Duration::from_secs(60), self.checking.acquire())
+        let _permit = tokio::time::timeout(Duration::from_mins(1), self.checking.acquire())
             .await
             .map_err(|_| Error::Unavailable(busy))?;
         let limits = self.shared.limits.clone();

@@ -1,6 +1,5 @@
 //! Owns what a watcher of a job is told: the records of the database in order, and between them how it is going.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use karst_proto::v1::{self, JobEvent, job_event};
@@ -44,7 +43,7 @@ pub(crate) async fn watch(
     let id = job.id.clone();
     let event =
         |revision, event| JobEvent { revision, resume_token: token(&id, revision), event: Some(event) };
-    let mut feed = shared.feeds.get(&id).map(Listener::new);
+    let mut feed = shared.feeds.get(&id).map(|feed| Listener::new(&feed));
     let mut last = from.unwrap_or(job.revision);
     let mut ended = job.state.is_final() && last >= job.revision;
     if from.is_none() {
@@ -66,7 +65,7 @@ pub(crate) async fn watch(
         let Some(listener) = &mut feed else {
             // It ended just now, or is about to be stored: look again.
             tokio::time::sleep(Duration::from_millis(100)).await;
-            feed = shared.feeds.get(&id).map(Listener::new);
+            feed = shared.feeds.get(&id).map(|feed| Listener::new(&feed));
             continue;
         };
         let news = tokio::select! {
@@ -76,7 +75,7 @@ pub(crate) async fn watch(
         match news {
             News::Record => {}
             News::Closed => feed = None,
-            News::Other(other) => outlet.send(event(last, other)).await?,
+            News::Other(other) => outlet.send(event(last, *other)).await?,
         }
     }
 }
@@ -90,11 +89,11 @@ struct Listener {
 enum News {
     Record,
     Closed,
-    Other(job_event::Event),
+    Other(Box<job_event::Event>),
 }
 
 impl Listener {
-    fn new(feed: Arc<Feed>) -> Self {
+    fn new(feed: &Feed) -> Self {
         let mut listener = Self { revision: feed.revision.subscribe(), progress: feed.progress.subscribe() };
         // Whatever came before is read from the database at least once after this.
         listener.revision.mark_changed();
@@ -107,11 +106,11 @@ impl Listener {
             biased;
             changed = self.revision.changed() => if changed.is_ok() { News::Record } else { News::Closed },
             changed = self.progress.changed() => match self.progress.borrow_and_update().as_ref() {
-                Some(progress) if changed.is_ok() => News::Other(job_event::Event::Progress(convert::progress(progress))),
+                Some(progress) if changed.is_ok() => News::Other(Box::new(job_event::Event::Progress(convert::progress(progress)))),
                 _ if changed.is_err() => News::Closed,
                 _ => News::Record,
             },
-            () = tokio::time::sleep(BOOKMARK) => News::Other(bookmark),
+            () = tokio::time::sleep(BOOKMARK) => News::Other(Box::new(bookmark)),
         }
     }
 }

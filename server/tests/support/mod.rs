@@ -1,6 +1,6 @@
 //! What the tests share: a server on port 0, calls through the generated client, the same picture rendered locally.
 
-#![allow(dead_code, unreachable_pub, reason = "each test program uses its part of this")]
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "shared by tests, each uses its part")]
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -163,7 +163,7 @@ impl Client {
     }
 
     pub async fn finish(&mut self, job: &str) -> v1::Job {
-        let watched = tokio::time::timeout(Duration::from_secs(120), self.watch(job, ""));
+        let watched = tokio::time::timeout(Duration::from_mins(2), self.watch(job, ""));
         watched.await.expect("it ends").unwrap().1
     }
 
@@ -249,7 +249,7 @@ pub fn render_locally(text: &str, frame: i32, overrides: &Overrides, tile_size: 
 
 /// R, G, B of each pixel of a film.
 pub fn colors(film: &Film) -> Vec<f32> {
-    film.picture().color.iter().flat_map(|c| c.to_array()).collect()
+    film.picture().color.iter().flat_map(glam::Vec3::to_array).collect()
 }
 
 /// SHA-256 over the bits of the floats.
