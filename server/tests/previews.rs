@@ -44,14 +44,8 @@ async fn the_first_tile_comes_soon_and_the_first_round_covers_the_frame() {
         assert!(tile.revision > last_revision, "revisions rise");
         last_revision = tile.revision;
         assert_eq!((tile.width * tile.height * 6) as usize, tile.rgb_f16.len());
-        if tile.round > 0 && newest.len() < count {
-            panic!(
-                "tile {} is in round {} and only {} tiles have a first one",
-                tile.tile,
-                tile.round,
-                newest.len()
-            );
-        }
+        let (seen, too_early) = (newest.len(), tile.round > 0 && newest.len() < count);
+        assert!(!too_early, "tile {} is in round {}, only {seen} have a first one", tile.tile, tile.round);
         newest.insert(tile.tile, tile);
     }
     assert_eq!(client.job(&job).await.state(), JobState::Succeeded, "the stream ends with the job");
@@ -135,7 +129,7 @@ async fn viewers_that_do_not_read_change_nothing() {
     let tiles = 2 * 5 * 4;
     assert_eq!(newest.len(), tiles);
     assert!(newest.values().all(|t| t.r#final));
-    assert!(messages <= tiles + 16, "{messages} messages are a backlog");
+    assert!(messages <= 2 * tiles, "{messages} messages are a backlog");
     server.stop().await;
 }
 
