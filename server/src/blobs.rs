@@ -98,7 +98,12 @@ impl Blobs {
     ///
     /// # Errors
     /// [`Error::Gone`] when there is no such blob.
-    pub async fn part(&self, kind: Kind, digest: Digest, range: std::ops::Range<u64>) -> Result<Vec<u8>, Error> {
+    pub async fn part(
+        &self,
+        kind: Kind,
+        digest: Digest,
+        range: std::ops::Range<u64>,
+    ) -> Result<Vec<u8>, Error> {
         match self.store.get_range(&kind.name(&digest), range).await {
             Ok(bytes) => Ok(bytes.into()),
             Err(object_store::Error::NotFound { .. }) => Err(Error::Gone(digest)),

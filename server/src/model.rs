@@ -257,4 +257,3 @@ pub enum Record {
         report: RoundReport,
     },
 }
-

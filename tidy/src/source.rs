@@ -67,7 +67,9 @@ impl Source {
 
     /// Whether the whole file is for tests or benchmarks.
     pub fn is_test(&self) -> bool {
-        self.path.split('/').any(|part| matches!(part, "tests" | "tests.rs" | "benches"))
+        let test =
+            |part: &str| matches!(part, "tests" | "tests.rs" | "benches") || part.ends_with("_tests.rs");
+        self.path.split('/').any(test)
     }
 }
 

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use karst_client::Error;
 use karst_core::encode::{exr, png};
-use karst_core::film::{Film, Picture};
+use karst_core::film::{Film, FrameSummary, Picture};
 use karst_core::scene::Scene;
 use karst_denoise::{Denoiser, Input, Mode};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::args::DenoiseArg;
 use crate::naming::denoised;
@@ -35,7 +35,7 @@ impl<'a> Pictures<'a> {
             DenoiseArg::Color => Some(denoise_picture(&noisy, Mode::Color, threads)?),
             DenoiseArg::Full => Some(denoise_picture(&noisy, Mode::Full, threads)?),
         };
-        let statistics = karst_core::encode::statistics(scene, frame, &film.summary());
+        let statistics = statistics(frame, scene.sampling().seed, &film.summary());
         Ok(Self { scene, noisy, denoised, statistics })
     }
 
@@ -62,11 +62,28 @@ impl<'a> Pictures<'a> {
     }
 }
 
+/// What the EXR says about itself: the same for the same pixels, so no times and no machine.
+fn statistics(frame: i32, seed: u32, summary: &FrameSummary) -> Value {
+    let counters = &summary.counters;
+    json!({
+        "frame": frame,
+        "seed": seed,
+        "spp_mean": summary.spp_mean,
+        "spp_min": summary.spp_min,
+        "spp_max": summary.spp_max,
+        "samples": summary.samples,
+        "rays": counters.rays,
+        "shadow_rays": counters.shadow_rays,
+        "nonfinite_samples": counters.nan_samples + counters.infinite_samples,
+        "exhausted_rays": counters.exhausted_rays,
+        "rel_mse": summary.rel_mse,
+        "rel_mse_ci95": summary.rel_mse_ci95,
+    })
+}
+
 /// The same picture with denoised colours.
 fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Picture, Error> {
-    let color: Vec<[f32; 3]> = noisy.color.iter().map(|value| value.to_array()).collect();
-    let albedo: Vec<[f32; 3]> = noisy.albedo.iter().map(|value| value.to_array()).collect();
-    let normal: Vec<[f32; 3]> = noisy.normal.iter().map(|value| value.to_array()).collect();
+    let (color, albedo, normal) = (plane(&noisy.color), plane(&noisy.albedo), plane(&noisy.normal));
     let input = Input {
         width: noisy.window.width(),
         height: noisy.window.height(),
@@ -78,6 +95,10 @@ fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Pictur
         .and_then(|denoiser| denoiser.with_threads(threads as u32).denoise(&input, mode))
         .map_err(|error| Error::Failed(error.to_string()))?;
     Ok(Picture { color: smooth.into_iter().map(Into::into).collect(), ..noisy.clone() })
+}
+
+fn plane<T: Copy + Into<[f32; 3]>>(values: &[T]) -> Vec<[f32; 3]> {
+    values.iter().map(|value| (*value).into()).collect()
 }
 
 fn encode_error(path: &Path, error: &dyn std::fmt::Display) -> Error {

@@ -162,7 +162,8 @@ fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
         Target::Infinity => Ray::new(origin, sample.wi),
         Target::Point(p, error, n) => {
             let end = offset_origin(p, error, n, -sample.wi);
-            Ray { o: origin, d: end - origin, t_max: 1.0 }
+            // A few roundings short of the end, which is the surface that shines.
+            Ray { o: origin, d: end - origin, t_max: 1.0 - 4.0 * f32::EPSILON }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Emitter, LightSample, Receiver, Target};
 use crate::color::luminance;
-use crate::math::{Aabb, gamma};
+use crate::math::{Aabb, even_error, gamma};
 use crate::warp::triangle_uniform;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
@@ -47,7 +47,7 @@ impl MeshLight {
         let [a, b, c] = self.triangles[index];
         let w = triangle_uniform(u);
         let p = a * w.x + b * w.y + c * w.z;
-        let error = (a.abs() * w.x + b.abs() * w.y + c.abs() * w.z) * gamma(6);
+        let error = even_error((a.abs() * w.x + b.abs() * w.y + c.abs() * w.z) * gamma(6));
         let n = (b - a).cross(c - a).normalize_or_zero();
         let towards = p - from.p;
         let wi = towards.normalize_or_zero();

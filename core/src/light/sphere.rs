@@ -2,7 +2,7 @@
 
 use super::{Emitter, LightSample, Receiver, Target};
 use crate::color::luminance;
-use crate::math::{Frame, gamma};
+use crate::math::{Frame, even_error, gamma};
 use crate::warp::{cone_uniform, cone_uniform_pdf};
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
@@ -43,7 +43,7 @@ impl SphereLight {
         let n =
             (wi * -(self.radius * self.radius - miss2).max(0.0).sqrt() + (wi * along - towards)).normalize();
         let p = self.center + n * self.radius;
-        let error = (n.abs() * self.radius + self.center.abs()) * gamma(5);
+        let error = even_error((n.abs() * self.radius + self.center.abs()) * gamma(5));
         let pdf = cone_uniform_pdf(one_minus_cos);
         Some(LightSample { wi, radiance: self.radiance, pdf, target: Target::Point(p, error, n) })
     }

@@ -9,7 +9,7 @@ mod trig;
 
 pub use aabb::Aabb;
 pub use frame::Frame;
-pub use robust::{gamma, next_away, offset_origin};
+pub use robust::{even_error, gamma, next_away, offset_origin};
 pub use transform::Transform;
 pub use trig::{acos, atan2, cos, exp, ln, powf, sin, sin_cos, tan};
 

@@ -156,3 +156,89 @@ fn check_sizes(assets: &[AssetRef], source: &dyn AssetSource, limits: &Limits, p
 fn reading(error: &io::Error) -> String {
     if error.kind() == io::ErrorKind::NotFound { "does not exist".to_owned() } else { error.to_string() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{AssetSource, Assets, Folder};
+    use crate::scene::document::{Document, Limits};
+    use std::fs;
+    use std::path::Path;
+
+    const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+    fn document(files: &[&str]) -> Document {
+        let meshes: Vec<String> =
+            files.iter().enumerate().map(|(i, file)| format!("\"m{i}\":{{\"file\":\"{file}\"}}")).collect();
+        let text = format!(
+            "{{\"version\":1,\"camera\":{{\"type\":\"perspective\",\"vfov\":40}},\"film\":{{\"width\":8,\"height\":6}},\n\
+             \"meshes\":{{{}}}}}",
+            meshes.join(",")
+        );
+        Document::parse(&text, "scene.json", &Limits::default()).unwrap()
+    }
+
+    fn load(root: &Path, files: &[&str], limits: &Limits) -> Result<Assets, String> {
+        Assets::load(&document(files), &Folder::new(root).unwrap(), limits)
+            .map_err(|problems| problems.to_string())
+    }
+
+    #[test]
+    fn files_are_read_once_and_checked() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("a.obj"), MESH).unwrap();
+        fs::write(folder.path().join("bad.obj"), MESH.replace("f 1", "f 7")).unwrap();
+        let limits = Limits::default();
+        let assets = load(folder.path(), &["a.obj", "a.obj"], &limits).unwrap();
+        assert_eq!(assets.mesh("a.obj").unwrap().mesh.triangles, [[0, 1, 2]]);
+        assert!(assets.mesh("b.obj").is_none() && assets.image("a.obj").is_none());
+        for (limits, files, expected) in [
+            (
+                &limits,
+                &["a.obj", "b.obj", "c.obj"][..],
+                "scene.json:2:46: meshes.m1.file: file \"b.obj\": does not exist\n\
+                scene.json:2:68: meshes.m2.file: file \"c.obj\": does not exist",
+            ),
+            (
+                &limits,
+                &["a.obj", "bad.obj"],
+                "scene.json:2:46: meshes.m1.file: file \"bad.obj\": line 4: found the index 7, \
+                the file has 3 vertices, counted from 1",
+            ),
+            (
+                &Limits { max_asset_bytes: 50, ..limits.clone() },
+                &["a.obj", "bad.obj"],
+                "scene.json:2:46: meshes.m1.file: \
+                file \"bad.obj\": has 32 bytes, with the files before it 64, the limit is 50 for all together",
+            ),
+            (
+                &Limits { max_triangles: 0, ..limits.clone() },
+                &["a.obj"],
+                "scene.json:2:17: meshes.m0.file: file \"a.obj\": \
+                file: has 1 triangles, 0 are left of the limit for all meshes",
+            ),
+        ] {
+            assert_eq!(load(folder.path(), files, limits).unwrap_err(), expected);
+        }
+    }
+
+    #[test]
+    fn nothing_outside_the_folder_is_read() {
+        let outside = tempfile::tempdir().unwrap();
+        fs::write(outside.path().join("a.obj"), MESH).unwrap();
+        fs::create_dir(outside.path().join("in")).unwrap();
+        let inside = outside.path().join("in");
+        fs::create_dir(inside.join("folder.obj")).unwrap();
+        std::os::unix::fs::symlink(outside.path().join("a.obj"), inside.join("link.obj")).unwrap();
+        std::os::unix::fs::symlink(outside.path(), inside.join("up")).unwrap();
+        fs::write(inside.join("real.obj"), MESH).unwrap();
+        std::os::unix::fs::symlink(inside.join("real.obj"), inside.join("within.obj")).unwrap();
+        let source = Folder::new(&inside).unwrap();
+        assert_eq!(source.len("within.obj").unwrap(), 32);
+        for path in ["link.obj", "up/a.obj", "../a.obj"] {
+            let error = source.read(path).unwrap_err().to_string();
+            assert_eq!(error, "leads out of the document's folder", "{path}");
+        }
+        assert_eq!(source.read("folder.obj").unwrap_err().to_string(), "is not a regular file");
+        assert!(Folder::new(outside.path().join("none")).is_err());
+    }
+}

@@ -1,7 +1,7 @@
 //! Owns the objects of a compiled scene: what a ray meets, and the surface at a hit.
 
 use crate::bvh::triangle::TriangleBvh;
-use crate::math::{Aabb, Ray, Transform, acos, atan2, gamma};
+use crate::math::{Aabb, Ray, Transform, acos, atan2, even_error, gamma};
 use crate::mesh::Mesh;
 use crate::sdf::{MarchStats, Sdf, SdfRay};
 use glam::{Vec2, Vec3};
@@ -126,7 +126,7 @@ impl Object {
                 let p = to_local(ray, transform).at(hit.t);
                 let n = transform.normal(sdf.normal(p, spread * hit.t));
                 let world = transform.point(p);
-                let error = transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2);
+                let error = even_error(transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2));
                 Surface { p: world, error, ng: n, ns: n, uv: Vec2::ZERO, object: hit.object }
             }
         };
@@ -164,7 +164,8 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Surface {
     let [p0, p1, p2] = corners.map(|i| mesh.positions[i]);
     let blend = |v: [Vec3; 3]| v[0] * weights[0] + v[1] * weights[1] + v[2] * weights[2];
     let p = transform.point(blend([p0, p1, p2]));
-    let error = transform.error(blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(7)) + p.abs() * gamma(2);
+    let local_error = blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(7);
+    let error = even_error(transform.error(local_error) + p.abs() * gamma(2));
     let ng = transform.normal((p1 - p0).cross(p2 - p0));
     let ns = if mesh.normals.is_empty() {
         ng
@@ -185,7 +186,7 @@ fn sphere_surface(center: Vec3, radius: f32, at: Vec3, hit: &Hit) -> Surface {
     // Back onto the sphere: the ray's own rounding must not stay in the position.
     let n = (at - center).normalize_or(Vec3::Y);
     let p = center + n * radius;
-    let error = (n.abs() * radius + center.abs()) * gamma(5);
+    let error = even_error((n.abs() * radius + center.abs()) * gamma(5));
     let uv = Vec2::new(atan2(n.z, n.x) / TAU + 0.5, 1.0 - acos(n.y.clamp(-1.0, 1.0)) * FRAC_1_PI);
     Surface { p, error, ng: n, ns: n, uv, object: hit.object }
 }

@@ -45,9 +45,8 @@ pub struct Feeds {
 impl Feeds {
     /// The feed of a job, made if there is none.
     pub fn open(&self, job: &str, revision: u64) -> Arc<Feed> {
-        let new = || {
-            Arc::new(Feed { revision: watch::Sender::new(revision), progress: watch::Sender::new(None) })
-        };
+        let new =
+            || Arc::new(Feed { revision: watch::Sender::new(revision), progress: watch::Sender::new(None) });
         Arc::clone(self.lock().entry(job.to_owned()).or_insert_with(new))
     }
 

@@ -22,7 +22,11 @@ pub(crate) type Finished = (Vec<FrameFile>, Option<Failure>);
 ///
 /// # Errors
 /// An encoder or the disk fails.
-pub(crate) async fn finish(frame: Arc<LiveFrame>, denoise: Denoise, blobs: &Blobs) -> Result<Finished, Error> {
+pub(crate) async fn finish(
+    frame: Arc<LiveFrame>,
+    denoise: Denoise,
+    blobs: &Blobs,
+) -> Result<Finished, Error> {
     let (encoded, failure) = tokio::task::spawn_blocking(move || encode_all(&frame, denoise)).await??;
     let mut files = Vec::with_capacity(encoded.len());
     for (format, bytes) in encoded {

@@ -8,10 +8,10 @@ use karst_core::film::{FrameSummary, Round};
 use karst_core::scene::Scene;
 use tokio::time::Instant;
 
+use crate::farm::Checked;
 use crate::farm::live::LiveFrame;
 use crate::farm::prepare::{Context, Opened};
 use crate::farm::progress::Meter;
-use crate::farm::Checked;
 use crate::job::JobRun;
 use crate::model::FrameState;
 use crate::state::StoredJob;

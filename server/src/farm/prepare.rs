@@ -49,7 +49,10 @@ pub(crate) async fn load(blobs: &Blobs, limits: &Limits, spec: JobSpec) -> Resul
     let size = blobs.size(Kind::Asset, &spec.scene).await?.ok_or(Error::Gone(spec.scene))?;
     if size > limits.max_document_bytes {
         let most = limits.max_document_bytes;
-        return Err(Error::limit("job.scene.digest", format!("the document has {size} bytes, at most {most}")));
+        return Err(Error::limit(
+            "job.scene.digest",
+            format!("the document has {size} bytes, at most {most}"),
+        ));
     }
     let text = blobs.get(Kind::Asset, spec.scene).await?;
     let source = BlobSource { blobs: blobs.clone(), files: spec.files.clone(), runtime: Handle::current() };
@@ -125,8 +128,7 @@ pub(crate) async fn open(
     let (state, blobs) = stores;
     let stored = state.round(&place.1, place.2).await?;
     let survived = read_stored(blobs, stored).await?;
-    spawn_blocking(move || restore(place, scene, tile_size, survived)).await
-        .map_err(Error::from)
+    spawn_blocking(move || restore(place, scene, tile_size, survived)).await.map_err(Error::from)
 }
 
 /// What could be read of a frame.

@@ -45,7 +45,8 @@ fn of_job(job: &mut LiveJob, period: Duration) -> Option<Progress> {
     let done = frame.samples();
     let planned = planned(frame, rendering, done);
     let per_second = job.meter.update(frame.frame, done, period);
-    let waiting = job.run.frames.values().filter(|f| !f.state.is_final() && !job.stages.contains_key(&f.frame));
+    let waiting =
+        job.run.frames.values().filter(|f| !f.state.is_final() && !job.stages.contains_key(&f.frame));
     let left = planned.saturating_sub(done) as f64 + waiting.count() as f64 * planned as f64;
     Some(Progress {
         frame: frame.frame,

@@ -46,7 +46,8 @@ fn work(outlets: &Outlets) {
             let _ = outlets.farm.send(Event::QueueLow);
         }
         let rendered = catch_unwind(AssertUnwindSafe(|| {
-            let result = render_tile(&task.frame.scene, &task.frame.grid, task.tile, &task.round, &task.frame.stop)?;
+            let result =
+                render_tile(&task.frame.scene, &task.frame.grid, task.tile, &task.round, &task.frame.stop)?;
             let bytes = result.to_bytes();
             Some((result, bytes))
         }));

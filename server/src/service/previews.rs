@@ -45,6 +45,7 @@ impl Previews for PreviewsService {
         let layer = check(&request)?;
         let shared = Arc::clone(&self.shared);
         let wanted = (!request.frames.is_empty()).then(|| request.frames.iter().copied().collect());
+        shared.state.job(&request.job).await?;
         // Attached before the look at what exists: what changes meanwhile is marked.
         let viewer = shared.hub.attach(&request.job, wanted.clone());
         let job = shared.state.job(&request.job).await?;
@@ -52,7 +53,8 @@ impl Previews for PreviewsService {
         if job.state.is_final() {
             viewer.end();
         }
-        let stream_view = View { viewer, job, layer, level: request.level, pace: Pace::new(request.max_bytes_per_second) };
+        let stream_view =
+            View { viewer, job, layer, level: request.level, pace: Pace::new(request.max_bytes_per_second) };
         let films = Arc::clone(&self.films);
         let ending = shared.ending.clone();
         let send = move |outlet| async move { stream_view.run(&shared, &films, frames, &outlet).await };

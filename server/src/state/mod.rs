@@ -1,7 +1,7 @@
 //! Owns what must survive, in SQL: the only module with statements.
 //!
-//! SQLite in WAL mode with full syncs: what a call here has answered survives a power cut.
-//! One connection writes (transactions never wait for each other inside SQLite), four read.
+//! `SQLite` in WAL mode with full syncs: what a call here has answered survives a power cut.
+//! One connection writes (transactions never wait for each other inside `SQLite`), four read.
 //! Times, digests and states are plain text and integers, so that the statements hold for Postgres as well.
 
 mod read;
@@ -11,7 +11,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use sqlx::migrate::{Migration, MigrationType, Migrator};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
+};
 
 pub use crate::state::read::{StoredJob, StoredRound};
 pub use crate::state::write::{Row, Submission, Submitted};

@@ -37,7 +37,8 @@ impl State {
     /// # Errors
     /// [`Error::JobNotFound`]; a failing database.
     pub async fn job(&self, id: &str) -> Result<Job, Error> {
-        let row = sqlx::query("SELECT job FROM jobs WHERE id = $1").bind(id).fetch_optional(&self.read).await?;
+        let row =
+            sqlx::query("SELECT job FROM jobs WHERE id = $1").bind(id).fetch_optional(&self.read).await?;
         from_json(row.ok_or_else(|| Error::JobNotFound(id.to_owned()))?.get("job"))
     }
 
@@ -47,7 +48,7 @@ impl State {
     /// A failing database.
     pub async fn jobs(&self, states: &[JobState], before: i64, limit: u32) -> Result<Vec<(i64, Job)>, Error> {
         // A fixed statement for any set of states: the set travels as text, each name between commas.
-        let names: String = states.iter().map(|s| format!(",{},", name_of(s))).collect();
+        let names = states.iter().map(name_of).fold(String::new(), |names, name| names + "," + &name + ",");
         let rows = sqlx::query(
             "SELECT number, job FROM jobs \
              WHERE number < $1 AND ($2 = '' OR $2 LIKE '%,' || state || ',%') ORDER BY number DESC LIMIT $3",
@@ -65,14 +66,13 @@ impl State {
     /// # Errors
     /// A failing database.
     pub async fn frames(&self, job: &str, from: i32, limit: u32) -> Result<Vec<Frame>, Error> {
-        let rows = sqlx::query(
-            "SELECT details FROM frames WHERE job = $1 AND frame >= $2 ORDER BY frame LIMIT $3",
-        )
-        .bind(job)
-        .bind(from)
-        .bind(i64::from(limit))
-        .fetch_all(&self.read)
-        .await?;
+        let rows =
+            sqlx::query("SELECT details FROM frames WHERE job = $1 AND frame >= $2 ORDER BY frame LIMIT $3")
+                .bind(job)
+                .bind(from)
+                .bind(i64::from(limit))
+                .fetch_all(&self.read)
+                .await?;
         rows.iter().map(|row| from_json(row.get("details"))).collect()
     }
 
@@ -106,9 +106,8 @@ impl State {
         .bind(i64::from(limit))
         .fetch_all(&self.read)
         .await?;
-        let record = |row: &SqliteRow| {
-            Ok((row.get::<i64, _>("revision") as u64, from_json(row.get("record"))?))
-        };
+        let record =
+            |row: &SqliteRow| Ok((row.get::<i64, _>("revision") as u64, from_json(row.get("record"))?));
         rows.iter().map(record).collect()
     }
 
@@ -172,8 +171,9 @@ impl State {
     /// # Errors
     /// A failing database.
     pub async fn films(&self) -> Result<BTreeSet<Digest>, Error> {
-        let rows: Vec<String> =
-            sqlx::query_scalar("SELECT film FROM frames WHERE film IS NOT NULL").fetch_all(&self.read).await?;
+        let rows: Vec<String> = sqlx::query_scalar("SELECT film FROM frames WHERE film IS NOT NULL")
+            .fetch_all(&self.read)
+            .await?;
         rows.iter().map(|text| parse_digest(text)).collect()
     }
 }

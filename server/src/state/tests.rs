@@ -100,12 +100,8 @@ async fn a_film_replaces_the_packs_of_its_round() {
     let dir = tempfile::tempdir().unwrap();
     let state = State::open(&dir.path().join("karst.db")).await.unwrap();
     submit(&state, "r1", b"x", "j1").await.unwrap();
-    let pack = |frame, round, text: &[u8]| Row::Pack {
-        job: "j1".into(),
-        frame,
-        round,
-        pack: Digest::of(text),
-    };
+    let pack =
+        |frame, round, text: &[u8]| Row::Pack { job: "j1".into(), frame, round, pack: Digest::of(text) };
     state.commit(&[pack(1, 0, b"p"), pack(1, 0, b"q"), pack(1, 0, b"p"), pack(2, 0, b"r")]).await.unwrap();
     assert_eq!(state.round("j1", 1).await.unwrap().packs.len(), 2, "the same pack counts once");
     let film = Digest::of(b"film");
@@ -129,10 +125,14 @@ async fn pages_and_filters() {
     let mut run = JobRun::new(job("j4"), [1, 2].map(Frame::pending));
     let effects = run.step(Event::Cancelled(1)).unwrap();
     state.commit(&rows(&run, effects)).await.unwrap();
-    let ids = |jobs: Vec<(i64, Job)>| jobs.into_iter().map(|(n, j)| format!("{n}{}", j.id)).collect::<Vec<_>>();
+    let ids =
+        |jobs: Vec<(i64, Job)>| jobs.into_iter().map(|(n, j)| format!("{n}{}", j.id)).collect::<Vec<_>>();
     assert_eq!(ids(state.jobs(&[], i64::MAX, 2).await.unwrap()), ["5j5", "4j4"]);
     assert_eq!(ids(state.jobs(&[JobState::Queued], 5, 2).await.unwrap()), ["3j3", "2j2"]);
-    assert_eq!(ids(state.jobs(&[JobState::Cancelled, JobState::Failed], i64::MAX, 9).await.unwrap()), ["4j4"]);
+    assert_eq!(
+        ids(state.jobs(&[JobState::Cancelled, JobState::Failed], i64::MAX, 9).await.unwrap()),
+        ["4j4"]
+    );
     assert_eq!(state.frames("j1", 2, 9).await.unwrap().len(), 1);
     assert!(matches!(state.frame("j1", 3).await, Err(Error::FrameNotFound(..))));
     assert!(matches!(state.frame("j9", 1).await, Err(Error::JobNotFound(_))));

@@ -7,7 +7,6 @@ use crate::scene::document::cursor::{Context, Cursor};
 use crate::scene::document::decode::Decode;
 use crate::scene::document::macros::{object, words};
 use crate::scene::document::named::Named;
-use crate::scene::document::nearest::nearest;
 use crate::scene::document::path::Path;
 use crate::scene::document::rule::{Allowed, or, required};
 use crate::scene::document::schema::Definitions;
@@ -170,9 +169,10 @@ fn is_increasing(track: &Track, at: &Cursor<'_>) -> bool {
     for (index, pair) in track.keys.windows(2).enumerate() {
         let (before, after) = (&pair[0], &pair[1]);
         let report = |field: &str, message: String, hint: Option<String>| {
+            let start = start_of(at, index + 1, field);
             let keys = at.path.name("keys");
             let key = keys.index(index + 1);
-            at.problem_at(after.value.start, &key.name(field), message, hint);
+            at.problem_at(start, &key.name(field), message, hint);
         };
         if after.frame <= before.frame {
             report(
@@ -194,6 +194,13 @@ fn is_increasing(track: &Track, at: &Cursor<'_>) -> bool {
         }
     }
     sound
+}
+
+/// Where a field of a key stands in the text.
+fn start_of(track: &Cursor<'_>, key: usize, field: &str) -> u32 {
+    let keys = track.node.get("keys").map(|keys| &keys.value);
+    let key = if let Some(Value::List(keys)) = keys { keys.get(key) } else { None };
+    key.and_then(|key| key.get(field)).map_or(track.node.start, |node| node.start)
 }
 
 /// The last name of the path that a track addresses.
@@ -233,14 +240,14 @@ pub(super) fn check_targets(root: &Node, context: &Context<'_>) {
     let animation = Path::ROOT.name("animation");
     let all = animation.name("tracks");
     for member in tracks.members() {
-        if let Err((message, hint)) = target(root, &member.name) {
+        if let Err((message, hint)) = target(root, &member.name, context) {
             at.problem_at(member.start, &all.name(&member.name), message, hint);
         }
     }
 }
 
 /// Checks that a track may change the value at a path; otherwise says why not, with advice.
-fn target(root: &Node, path: &str) -> Result<(), (String, Option<String>)> {
+fn target(root: &Node, path: &str, context: &Context<'_>) -> Result<(), (String, Option<String>)> {
     let fixed = ["version", "sampling", "meshes", "animation", "film.width", "film.height", "film.crop"];
     let within =
         |whole: &str| path.strip_prefix(whole).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
@@ -252,7 +259,7 @@ fn target(root: &Node, path: &str) -> Result<(), (String, Option<String>)> {
     let names: Vec<&str> = path.split('.').collect();
     for (depth, name) in names.iter().enumerate() {
         let Some(next) = node.get(name) else {
-            let near = nearest(name, node.members().iter().map(|member| member.name.as_str()));
+            let near = context.nearest(name, node.members().iter().map(|member| member.name.as_str()));
             let hint = near.map(|near| {
                 let whole: Vec<&str> = [&names[..depth], &[near], &names[depth + 1..]].concat();
                 format!("did you mean {:?}?", whole.join("."))

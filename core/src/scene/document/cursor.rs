@@ -58,6 +58,16 @@ impl<'a> Context<'a> {
         self.problems.into_inner().or(assets)
     }
 
+    /// The known name that a misspelt one meant, for problems that will be kept: the search takes its time.
+    pub(super) fn nearest<'n>(
+        &self,
+        found: &str,
+        known: impl IntoIterator<Item = &'n str>,
+    ) -> Option<&'n str> {
+        let kept = self.problems.borrow().total < Problems::KEPT;
+        kept.then(|| nearest(found, known)).flatten()
+    }
+
     /// The names in a table.
     pub(super) fn names(&self, table: Table) -> &BTreeSet<&'a str> {
         match table {
@@ -65,6 +75,12 @@ impl<'a> Context<'a> {
             Table::Meshes => &self.meshes,
         }
     }
+}
+
+/// The name of a type of objects with its article.
+pub(super) fn an_object(title: &str) -> String {
+    let vowel = title.starts_with(['a', 'e', 'i', 'o', 'u']) || title.starts_with("SDF");
+    format!("{} {title} object", if vowel { "an" } else { "a" })
 }
 
 /// A place in the tree.
@@ -135,8 +151,7 @@ impl<'a> Cursor<'a> {
     pub(super) fn is_object(&self, what: &str) -> bool {
         let is = matches!(self.node.value, Value::Object(_));
         if !is {
-            let article = if what.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
-            self.expected(&format!("{article} {what} object"));
+            self.expected(&an_object(what));
         }
         is
     }
@@ -145,7 +160,9 @@ impl<'a> Cursor<'a> {
     pub(super) fn only(&self, what: &str, known: &[&str]) {
         for member in self.node.members() {
             if !known.contains(&member.name.as_str()) {
-                let hint = nearest(&member.name, known.iter().copied())
+                let hint = self
+                    .context
+                    .nearest(&member.name, known.iter().copied())
                     .map(|name| format!("did you mean {name:?}?"))
                     .unwrap_or_else(|| format!("fields of {what}: {}", known.join(", ")));
                 let path = self.path.name(&member.name);
@@ -186,7 +203,10 @@ impl<'a> Cursor<'a> {
         };
         let tag = tags.iter().copied().find(|tag| tag == found);
         if tag.is_none() {
-            let hint = nearest(found, tags.iter().copied()).map(|name| format!("did you mean {name:?}?"));
+            let hint = self
+                .context
+                .nearest(found, tags.iter().copied())
+                .map(|name| format!("did you mean {name:?}?"));
             let message = format!("found {}, expected a {what} type", member.found());
             member.problem(message, Some(hint.unwrap_or_else(allowed)));
         }

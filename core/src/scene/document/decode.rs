@@ -8,7 +8,6 @@ use crate::scene::document::asset;
 use crate::scene::document::cursor::Cursor;
 use crate::scene::document::macros::words;
 use crate::scene::document::named::Named;
-use crate::scene::document::nearest::nearest;
 use crate::scene::document::rule::{Allowed, Meaning};
 use crate::scene::document::schema::{self, Definitions};
 use crate::scene::document::tree::{Node, Value};
@@ -22,7 +21,7 @@ pub(super) trait Decode: Sized {
     fn expected(allowed: &Allowed) -> String;
     /// JSON Schema; types with fields put theirs into the definitions.
     fn schema(allowed: &Allowed, definitions: &mut Definitions) -> Json;
-    /// The value as a document would say it.
+    /// The value as a document would say it; null for a field that it would leave out.
     fn show(&self) -> Json;
 }
 
@@ -208,7 +207,10 @@ impl Decode for String {
                 if names.contains(text.as_str()) {
                     return Some(text.clone());
                 }
-                let hint = nearest(text, names.iter().copied()).map(|name| format!("did you mean {name:?}?"));
+                let hint = at
+                    .context
+                    .nearest(text, names.iter().copied())
+                    .map(|name| format!("did you mean {name:?}?"));
                 let none = || format!("add it to {:?}", table.field());
                 let message = format!("found {}, expected the name of a {}", at.found(), table.entry());
                 at.problem(message, Some(hint.unwrap_or_else(none)));
@@ -258,7 +260,7 @@ impl<T: Decode> Decode for Option<T> {
     }
 
     fn show(&self) -> Json {
-        self.as_ref().map_or_else(|| json!("auto"), T::show)
+        self.as_ref().map_or(Json::Null, T::show)
     }
 }
 

@@ -37,7 +37,7 @@ macro_rules! object {
             }
 
             fn expected(_: &$crate::scene::document::rule::Allowed) -> String {
-                format!("a {} object", $title)
+                $crate::scene::document::cursor::an_object($title)
             }
 
             fn schema(
@@ -57,6 +57,7 @@ macro_rules! object {
                     stringify!($field).to_owned(),
                     $crate::scene::document::decode::Decode::show(&self.$field),
                 ); )*
+                fields.retain(|_, value| !value.is_null());
                 serde_json::Value::Object(fields)
             }
         }
@@ -107,7 +108,7 @@ macro_rules! variants {
             }
 
             fn expected(_: &$crate::scene::document::rule::Allowed) -> String {
-                format!("a {} object", $title)
+                $crate::scene::document::cursor::an_object($title)
             }
 
             fn schema(
@@ -160,7 +161,7 @@ macro_rules! words {
                 at: &$crate::scene::document::cursor::Cursor<'_>,
                 allowed: &$crate::scene::document::rule::Allowed,
             ) -> Option<Self> {
-                use $crate::scene::document::{nearest::nearest, tree::Value};
+                use $crate::scene::document::tree::Value;
                 let Value::Text(found) = &at.node.value else {
                     at.expected(&Self::expected(allowed));
                     return None;
@@ -168,7 +169,7 @@ macro_rules! words {
                 match found.as_str() {
                     $( $word => Some(Self::$variant), )+
                     other => {
-                        let hint = nearest(other, [$($word),+]).map(|word| format!("did you mean {word:?}?"));
+                        let hint = at.context.nearest(other, [$($word),+]).map(|word| format!("did you mean {word:?}?"));
                         at.problem(format!("found {}, expected {}", at.found(), Self::expected(allowed)), hint);
                         None
                     }

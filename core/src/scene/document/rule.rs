@@ -92,15 +92,22 @@ impl Allowed {
         let high = self.max.is_finite().then(|| if self.below { "below" } else { "of at most" });
         let or_auto = if self.auto { " or \"auto\"" } else { "" };
         let other = if self.nonzero { " other than 0" } else { "" };
+        let (min, max) = (short(self.min), short(self.max));
         let range = match (low, high) {
             (None, None) => String::new(),
-            (Some("of at least"), Some("of at most")) => format!(" from {} to {}", self.min, self.max),
-            (Some(low), None) => format!(" {low} {}", self.min),
-            (None, Some(high)) => format!(" {high} {}", self.max),
-            (Some(low), Some(high)) => format!(" {low} {} and {high} {}", self.min, self.max),
+            (Some("of at least"), Some("of at most")) => format!(" from {min} to {max}"),
+            (Some(low), None) => format!(" {low} {min}"),
+            (None, Some(high)) => format!(" {high} {max}"),
+            (Some(low), Some(high)) => format!(" {low} {min} and {high} {max}"),
         };
         format!("{what}{range}{other}{or_auto}")
     }
+}
+
+/// A number in few characters: 65536, but 1e-12.
+pub(super) fn short(number: f64) -> String {
+    let plain = number == 0.0 || (1.0e-4..1.0e10).contains(&number.abs());
+    if plain { number.to_string() } else { format!("{number:e}") }
 }
 
 impl<T> Rule<T> {

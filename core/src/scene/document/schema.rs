@@ -14,13 +14,14 @@ pub(super) struct Definitions {
 impl Definitions {
     /// A reference to the definition of that title, which is made when it is first asked for.
     pub(super) fn define(&mut self, title: &str, make: impl FnOnce(&mut Self) -> Json) -> Json {
-        if !self.map.contains_key(title) {
+        let key = title.replace(' ', "_").to_lowercase();
+        if !self.map.contains_key(&key) {
             // Holds the place first: a type may contain itself.
-            self.map.insert(title.to_owned(), Json::Null);
+            self.map.insert(key.clone(), Json::Null);
             let made = make(self);
-            self.map.insert(title.to_owned(), made);
+            self.map.insert(key.clone(), made);
         }
-        json!({"$ref": format!("#/$defs/{title}")})
+        json!({"$ref": format!("#/$defs/{key}")})
     }
 }
 
@@ -56,7 +57,8 @@ impl Fields {
         schema["description"] = json!(about.trim());
         match rule.default.as_ref().map(T::show) {
             None => self.required.push(json!(name)),
-            Some(default) if default == json!("auto") && !rule.allowed.auto => {}
+            Some(Json::Null) if rule.allowed.auto => schema["default"] = json!("auto"),
+            Some(Json::Null) => {}
             Some(default) => schema["default"] = default,
         }
         self.properties.insert(name.to_owned(), schema);

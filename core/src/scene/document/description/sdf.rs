@@ -8,7 +8,7 @@ use crate::scene::document::named::Named;
 use crate::scene::document::rule::{Table, auto, or, required};
 
 object! {
-    "sdf_object";
+    "SDF object";
     /// An object made of distance functions.
     pub struct SdfObject checked by is_small {
         /// Name of the material.
@@ -41,9 +41,9 @@ object! {
     /// How rays march through an object; each setting is derived from the object where it is `"auto"`.
     #[derive(Copy)]
     pub struct SdfSettings {
-        /// Distance below which a ray has hit, in units of the object.
+        /// Half the least step of a ray, in units of the object: features thinner than twice this may be missed.
         hit_epsilon: Option<f32> = auto().above(0.0);
-        /// Half the distance between the points of a normal's differences, in units of the object.
+        /// Distance over which normals are taken, in units of the object.
         normal_epsilon: Option<f32> = auto().above(0.0);
         /// Longest step of a ray, in units of the object.
         step_clamp: Option<f32> = auto().above(0.0);
@@ -58,26 +58,30 @@ impl SdfSettings {
         Self { hit_epsilon: None, normal_epsilon: None, step_clamp: None, max_steps: None };
 }
 
+/// Lengths and factors of nodes, from the least to the greatest: within f32 after every step of arithmetic.
+const LEAST: f64 = 1.0e-12;
+const GREATEST: f64 = 1.0e12;
+
 variants! {
-    "sdf_node";
+    "SDF node";
     /// A node of a tree of distance functions; all of them are centred at the origin of their parent.
     pub enum SdfNode {
         /// A sphere.
         "sphere" => Sphere {
             /// Radius.
-            radius: f32 = required().above(0.0);
+            radius: f32 = required().from(LEAST).to(GREATEST);
         }
         /// A box along the axes.
         "box" => Box {
             /// Full lengths of the edges.
-            size: Vec3 = required().above(0.0);
+            size: Vec3 = required().from(LEAST).to(GREATEST);
         }
         /// A torus around the y axis.
         "torus" => Torus {
             /// Distance from the centre to the middle of the tube.
-            major_radius: f32 = required().above(0.0);
+            major_radius: f32 = required().from(LEAST).to(GREATEST);
             /// Radius of the tube.
-            minor_radius: f32 = required().above(0.0);
+            minor_radius: f32 = required().from(LEAST).to(GREATEST);
         }
         /// The Mandelbulb fractal, within a radius of about 1.25.
         "mandelbulb" => Mandelbulb {
@@ -88,7 +92,7 @@ variants! {
             /// Radius at which a point counts as escaped.
             bailout: f32 = or(4.0).from(2.0).to(1.0e6);
         }
-        /// All points of any child.
+        /// Everything that is in any child.
         "union" => Union {
             /// The children by name, at least one.
             children: Named<SdfNode> = required().from(1.0);
@@ -96,7 +100,7 @@ variants! {
         /// A union with rounded seams: the polynomial smooth minimum.
         "smooth_union" => SmoothUnion {
             /// Width of the seam; 0 is a plain union.
-            k: f32 = required().from(0.0);
+            k: f32 = required().from(0.0).to(GREATEST);
             /// The children by name, at least one.
             children: Named<SdfNode> = required().from(1.0);
         }
@@ -106,8 +110,8 @@ variants! {
             translate: DVec3 = or(DVec3::ZERO);
             /// Rotations about x, y and z, in degrees, applied in this order.
             rotate: DVec3 = or(DVec3::ZERO);
-            /// Factor in all directions, above 0.
-            scale: f64 = or(1.0).above(0.0);
+            /// Factor in all directions.
+            scale: f64 = or(1.0).from(LEAST).to(GREATEST);
             /// The child.
             child: Box<SdfNode> = required();
         }

@@ -72,7 +72,7 @@ variants! {
             /// Half the side of the square, in pixels.
             radius: f32 = or(0.5).above(0.0).to(8.0);
         }
-        /// A Gaussian with a standard deviation of a third of the radius, cut at the radius.
+        /// A Gaussian with a standard deviation of a third of the radius, lowered to reach 0 at the radius.
         "gaussian" => Gaussian {
             /// Half width, in pixels.
             radius: f32 = or(1.5).above(0.0).to(8.0);
