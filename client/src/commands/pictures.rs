@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use karst_client::Error;
-use karst_core::encode::{exr, png};
-use karst_core::film::{Film, FrameSummary, Picture};
+use karst_core::encode::{exr, png, statistics};
+use karst_core::film::{Film, Picture};
 use karst_core::scene::Scene;
 use karst_denoise::{Denoiser, Input, Mode};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::args::DenoiseArg;
 use crate::naming::denoised;
@@ -60,25 +60,6 @@ impl<'a> Pictures<'a> {
             .map_err(|error| encode_error(path, &error))?;
         write(path, &bytes)
     }
-}
-
-/// What the EXR says about itself: the same for the same pixels, so no times and no machine.
-fn statistics(frame: i32, seed: u32, summary: &FrameSummary) -> Value {
-    let counters = &summary.counters;
-    json!({
-        "frame": frame,
-        "seed": seed,
-        "spp_mean": summary.spp_mean,
-        "spp_min": summary.spp_min,
-        "spp_max": summary.spp_max,
-        "samples": summary.samples,
-        "rays": counters.rays,
-        "shadow_rays": counters.shadow_rays,
-        "nonfinite_samples": counters.nan_samples + counters.infinite_samples,
-        "exhausted_rays": counters.exhausted_rays,
-        "rel_mse": summary.rel_mse,
-        "rel_mse_ci95": summary.rel_mse_ci95,
-    })
 }
 
 /// The same picture with denoised colours.
