@@ -328,8 +328,13 @@ async fn a_giant_film_is_refused_before_memory_is_taken() {
         let size = Some(v1::Size { width, height });
         let settings = Some(v1::RenderSettings { size, ..Default::default() });
         let status = client.submit("g", &v1::JobSpec { settings, ..good.clone() }).await.unwrap_err();
-        assert_eq!(status.code(), Code::InvalidArgument, "{status:?}");
+        assert_eq!(fields(&status)[0], "job.settings.size");
+        assert_eq!(refusal(Err::<(), _>(status)), refused(Code::InvalidArgument, "FIELD_INVALID"));
     }
+    let crop = Some(v1::Region { x0: 0, y0: 0, x1: 9999, y1: 1 });
+    let settings = Some(v1::RenderSettings { crop, ..Default::default() });
+    let status = client.submit("h", &v1::JobSpec { settings, ..good.clone() }).await.unwrap_err();
+    assert_eq!(fields(&status), ["job.settings.crop"]);
     let taken = peak_kib().saturating_sub(before);
     assert!(taken < 256 << 10, "{taken} KiB more at the peak");
     unharmed(server).await;

@@ -89,7 +89,9 @@ impl JobsService {
         check_request_id(&request.request_id)?;
         let spec = convert::spec(request.job.as_ref())?;
         let body = Digest::of(&request.job.unwrap_or_default().encode_to_vec());
-        if let Some(known) = self.shared.state.known(&request.request_id, &body).await? {
+        if !request.validate_only
+            && let Some(known) = self.shared.state.known(&request.request_id, &body).await?
+        {
             return Ok(convert::job(&known));
         }
         let (spec, checked) = self.check(spec).await?;
