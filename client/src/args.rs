@@ -22,7 +22,7 @@ Results go to stdout (with --json one JSON object per line), everything else to 
 
 /// Renders procedural worlds: on this machine, or through a karst server.
 #[derive(Debug, Parser)]
-#[command(name = "karst", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "karst", version, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
     /// Print results as one JSON object per line.
     #[arg(long, global = true)]
@@ -109,9 +109,10 @@ impl SettingsArgs {
 /// What is done besides the samples.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct WorkArgs {
-    /// Edge of a tile in pixels, a multiple of 16 from 16 to 256; never changes a pixel.
-    #[arg(long, value_name = "N", value_parser = tile_size, default_value = "32")]
-    pub(crate) tile_size: u32,
+    /// Edge of a tile in pixels, a multiple of 16 from 16 to 256; never changes a pixel. 32 unless given, with a
+    /// server its own choice.
+    #[arg(long, value_name = "N", value_parser = tile_size)]
+    pub(crate) tile_size: Option<u32>,
     /// Denoise with Open Image Denoise: from the colours alone, or with albedo and normals.
     #[arg(long, value_name = "MODE", value_enum, default_value = "off")]
     pub(crate) denoise: DenoiseArg,

@@ -8,11 +8,11 @@ use karst_proto::v1::frames_client::FramesClient;
 use karst_proto::v1::jobs_client::JobsClient;
 use karst_proto::v1::previews_client::PreviewsClient;
 use karst_proto::v1::{
-    CancelJobRequest, Frame, GetJobRequest, Job, JobState, ListFramesRequest, ListJobsRequest, PreviewTile,
-    StreamTilesRequest, SubmitJobRequest,
+    CancelJobRequest, Frame, GetJobRequest, Job, JobState, ListFramesRequest, ListJobsRequest,
+    SubmitJobRequest,
 };
 use tonic::transport::{Channel, Endpoint};
-use tonic::{Code, Status, Streaming};
+use tonic::{Code, Status};
 
 use crate::Error;
 use crate::retry::unary;
@@ -56,6 +56,10 @@ impl Client {
 
     pub(crate) fn frame_calls(&self) -> FramesClient<Channel> {
         FramesClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(crate) fn preview_calls(&self) -> PreviewsClient<Channel> {
+        PreviewsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// Submits a job; repeated by itself when the server is away, which the request's `request_id` makes safe.
@@ -142,18 +146,6 @@ impl Client {
                 return Ok(found);
             }
         }
-    }
-
-    /// Tiles as they improve; lossy, the newest wins.
-    ///
-    /// # Errors
-    /// As `Previews.StreamTiles`.
-    pub async fn stream_tiles(&self, request: StreamTilesRequest) -> Result<Streaming<PreviewTile>, Error> {
-        let mut previews =
-            PreviewsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
-        let response =
-            previews.stream_tiles(request).await.map_err(|status| Error::call("preview", status))?;
-        Ok(response.into_inner())
     }
 }
 

@@ -50,7 +50,7 @@ impl Client {
             tokio::fs::create_dir_all(folder).await.map_err(|source| Error::file(folder, source))?;
         }
         let mut partial = Partial::create(path).await?;
-        let mut backoff = Backoff::new(Duration::from_secs(60));
+        let mut backoff = Backoff::new(Duration::from_mins(1));
         loop {
             let before = partial.offset;
             let Err(failure) = self.download_from(download, &mut partial).await? else { break };

@@ -87,15 +87,18 @@ impl Error {
     }
 }
 
+/// What helps against some of the reasons.
+const HINTS: [(ErrorReason, &str); 5] = [
+    (ErrorReason::JobNotFound, "`karst jobs` lists the jobs of this server"),
+    (ErrorReason::FrameNotFinished, "`karst watch JOB` waits for it"),
+    (ErrorReason::DenoiserUnavailable, "submit with `--denoise off`"),
+    (ErrorReason::DigestMismatch, "a file changed while it was uploaded: submit again"),
+    (ErrorReason::StorageFull, "free space in the server's data folder"),
+];
+
 fn call_hint(status: &Status) -> Option<&'static str> {
-    match reason(status)? {
-        ErrorReason::JobNotFound => Some("`karst jobs` lists the jobs of this server"),
-        ErrorReason::FrameNotFinished => Some("`karst watch JOB` waits for it"),
-        ErrorReason::DenoiserUnavailable => Some("submit with `--denoise off`"),
-        ErrorReason::DigestMismatch => Some("a file changed while it was uploaded: submit again"),
-        ErrorReason::StorageFull => Some("free space in the server's data folder"),
-        _ => None,
-    }
+    let why = reason(status)?;
+    HINTS.iter().find(|(known, _)| *known == why).map(|(_, hint)| *hint)
 }
 
 fn describe_status(status: &Status) -> String {

@@ -1,4 +1,4 @@
-//! Streams that survive the connection: job events and collected tiles, resumed by token without a gap.
+//! Streams that survive the connection: job events and collected tiles, resumed by token without a gap; previews.
 
 use std::time::Duration;
 
@@ -6,7 +6,9 @@ use async_stream::try_stream;
 use futures::Stream;
 use karst_proto::errors::{ErrorReason, reason};
 use karst_proto::v1::job_event::Event;
-use karst_proto::v1::{CollectTilesRequest, CollectedTile, JobEvent, JobState, WatchJobRequest};
+use karst_proto::v1::{
+    CollectTilesRequest, CollectedTile, JobEvent, JobState, PreviewTile, StreamTilesRequest, WatchJobRequest,
+};
 use tonic::{Status, Streaming};
 
 use crate::client::broken_off;
@@ -14,7 +16,7 @@ use crate::retry::{Backoff, is_transient};
 use crate::{Client, Error};
 
 /// How long a stream waits for a server that went away.
-const PATIENCE: Duration = Duration::from_secs(300);
+const PATIENCE: Duration = Duration::from_mins(5);
 
 /// What a watcher hears.
 #[derive(Clone, Debug)]
@@ -80,6 +82,38 @@ impl Client {
                 let wait = patience("watch", &status, &mut backoff)?;
                 yield Update::Reconnecting { cause: status.message().to_owned(), wait };
                 tokio::time::sleep(wait).await;
+            }
+        }
+    }
+
+    /// Tiles as they improve until the job is final, across lost connections; lossy, the newest wins. After a
+    /// lost connection what exists comes again.
+    ///
+    /// The stream ends with an error as `Previews.StreamTiles`, or when the server stays away for five minutes.
+    pub fn stream_tiles(
+        &self,
+        request: StreamTilesRequest,
+    ) -> impl Stream<Item = Result<PreviewTile, Error>> + Send + use<> {
+        let client = self.clone();
+        try_stream! {
+            let mut backoff = Backoff::new(PATIENCE);
+            loop {
+                let mut tiles = client.preview_calls().stream_tiles(request.clone()).await;
+                let status = loop {
+                    let message = match &mut tiles {
+                        Ok(tiles) => tiles.get_mut().message().await,
+                        Err(status) => Err(status.clone()),
+                    };
+                    match message {
+                        Ok(Some(tile)) => {
+                            backoff.reset();
+                            yield tile;
+                        }
+                        Ok(None) => return,
+                        Err(status) => break status,
+                    }
+                };
+                tokio::time::sleep(patience("preview", &status, &mut backoff)?).await;
             }
         }
     }

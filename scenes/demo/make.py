@@ -25,7 +25,7 @@ def path(name):
 
 
 def cave():
-    """The shell of the cave: an arch along z, open towards -z, with a hole in the roof."""
+    """The shell of the cave: an arch along z, open towards -z."""
     mesh = Mesh()
     rows, columns = 100, 78
     z_mouth, z_end = -5.5, 13.0
@@ -34,8 +34,8 @@ def cave():
         t, angle = r / (rows - 1), math.pi * (-0.12 + 1.24 * c / (columns - 1))
         z = z_mouth + (z_end - z_mouth) * t
         close = smoothstep(0.86, 1.0, t)
-        wide = 4.9 + 1.3 * math.sin(0.55 * z + 0.8) + 0.9 * smoothstep(0.25, 0.0, t)
-        high = 3.9 + 0.8 * math.sin(0.4 * z - 0.5)
+        wide = 5.2 + 1.0 * math.sin(0.55 * z + 0.8) + 1.6 * smoothstep(0.35, 0.0, t)
+        high = 4.1 + 0.5 * math.sin(0.4 * z - 0.5) + 1.3 * smoothstep(0.35, 0.0, t)
         reach = 1.0 - 0.97 * close
         x, y = wide * math.cos(angle) * reach, 0.2 + high * math.sin(angle) * reach
         rough = 1.7 * (ridged((x * 0.22, y * 0.3, z * 0.22), 2, 5) - 0.55)
@@ -48,13 +48,7 @@ def cave():
         p = (x - push * math.cos(angle), y - push * math.sin(angle), z + rim)
         return p, (angle * 1.6, z * 0.33 + 0.07 * y)
 
-    def keep(r, c):
-        t, turn = r / (rows - 1), c / (columns - 1)
-        z, side = z_mouth + (z_end - z_mouth) * t, (turn - 0.40) * 13.0
-        wobble = 0.55 * noise((z * 1.3, side * 1.3, 0.0), 23)
-        return math.hypot(z - 1.2, side * 0.9) > 1.15 + wobble
-
-    mesh.grid(rows, columns, at, keep)
+    mesh.grid(rows, columns, at)
     mesh.write_ply(path("meshes/cave.ply"))
 
 
@@ -62,7 +56,7 @@ def sand_height(x, z):
     """Height of the sand: dunes, ripples, a slope up into the cave and down to the sea."""
     dune = 0.30 * fbm((x * 0.22, 0.0, z * 0.22), 3, 41)
     bend = 1.4 * noise((x * 0.3, 0.0, z * 0.3), 43)
-    ripple = 0.022 * math.sin(5.6 * (z * 0.9 + 0.35 * x + bend)) * (0.5 + 0.5 * noise((x * 0.5, 1.0, z * 0.5), 47))
+    ripple = 0.034 * math.sin(5.6 * (z * 0.9 + 0.35 * x + bend)) * (0.5 + 0.5 * noise((x * 0.5, 1.0, z * 0.5), 47))
     walls = 0.10 * max(abs(x) - 2.2, 0.0) ** 1.5
     beach = -0.55 * smoothstep(-3.0, -11.0, z)
     # Sand drifted against the wreck, and a hollow in front of it.
@@ -130,7 +124,7 @@ def hull_point(s, u):
 
 def missing(i, j):
     """Planks that the sea has taken, on the side that the camera sees."""
-    hole = math.hypot((i - 12.2) / 4.3, (j - 6.2) / 2.6) + 0.35 * (lattice(i // 2, j, 0, 71) - 0.5)
+    hole = math.hypot((i - 17.0) / 4.6, (j - 6.4) / 2.8) + 0.35 * (lattice(i // 2, j, 0, 71) - 0.5)
     return hole < 1.0 or (lattice(i // 3, j, 1, 73) < 0.045 and j > 2)
 
 
@@ -144,7 +138,7 @@ def hull():
                 lap = (0.0, 0.030, 0.004)[r]
                 return (x, y - 0.3 * lap, side * (z + lap)), (0.55 * x + 0.37 * j, (j + 0.5 * min(r, 1) + 0.45 * (r > 1)) / 4.0)
 
-            keep = (lambda r, i, j=j: not missing(i, j)) if side > 0 else (lambda r, i: True)
+            keep = (lambda r, i, j=j: not missing(i, j)) if side < 0 else (lambda r, i: True)
             mesh.grid(3, STATIONS, at, keep, flip=side < 0)
     frames = [2, 4, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 18, 20, 22, 24]
     for i in frames:
@@ -249,6 +243,19 @@ def sail():
     mesh.write_obj(path("meshes/sail.obj"))
 
 
+def lantern():
+    """A cage for a flame at the origin: foot, cap, ring, four bars."""
+    mesh = Mesh()
+    mesh.box((0.0, -0.15, 0.0), (0.22, 0.03, 0.22))
+    mesh.box((0.0, 0.15, 0.0), (0.24, 0.025, 0.24))
+    mesh.box((0.0, 0.19, 0.0), (0.13, 0.06, 0.13))
+    mesh.tube((0.0, 0.2, 0.0), (0.0, 0.34, 0.0), 0.012, 0.012, 5)
+    for x in (-0.095, 0.095):
+        for z in (-0.095, 0.095):
+            mesh.box((x, 0.0, z), (0.016, 0.3, 0.016))
+    mesh.write_obj(path("meshes/lantern.obj"))
+
+
 def windows():
     """The lit panes of the cabin, fronts outwards."""
     mesh = Mesh()
@@ -272,7 +279,7 @@ def textures():
         grain, vein = fbm(p, 5, 101, 4), abs(noise((p[0] * 2.0, p[1] * 2.0, 3.5), 107, 8))
         layer = 0.5 + 0.5 * math.sin(2.0 * math.pi * (3.0 * y / size + 0.9 * fbm(p, 2, 103, 4)))
         v = 0.46 + 0.26 * grain + 0.10 * (layer - 0.5) - 0.10 * (vein < 0.06)
-        return (v * 1.06, v * 0.98, v * 0.90)
+        return (v * 0.98, v * 0.99, v * 1.02)
 
     def wood(x, y):
         plank = 4 * y // size
@@ -284,7 +291,7 @@ def textures():
     def grains(x, y):
         p = (x * 8.0 / size, y * 8.0 / size, 0.5)
         v = 0.62 + 0.13 * fbm(p, 3, 131, 8) + 0.10 * (lattice(x, y, 0, 137) - 0.5)
-        return (v * 1.06, v * 0.93, v * 0.76)
+        return (v * 1.02, v * 0.95, v * 0.84)
 
     for name, color in (("rock", rock), ("wood", wood), ("sand", grains)):
         write_png(path(f"textures/{name}.png"), size, size, color)
@@ -300,17 +307,17 @@ def image(name):
 
 def sky_strips(instances):
     """The evening sky: emissive strips far outside, each of one colour."""
-    colors = ((1.60, 0.98, 0.56), (1.42, 1.00, 0.70), (1.10, 0.98, 0.86), (0.82, 0.92, 0.98),
-              (0.62, 0.84, 1.04), (0.48, 0.74, 1.03), (0.37, 0.63, 0.98), (0.29, 0.53, 0.92),
-              (0.23, 0.45, 0.85), (0.19, 0.39, 0.79), (0.16, 0.34, 0.73), (0.14, 0.30, 0.68))
-    steps = 36
-    for i in range(steps):
-        f = i / (steps - 1) * (len(colors) - 1)
+    colors = ((1.90, 1.02, 0.58), (1.62, 1.04, 0.72), (1.15, 1.00, 0.88), (0.78, 0.92, 1.02),
+              (0.54, 0.80, 1.08), (0.40, 0.68, 1.06), (0.30, 0.57, 1.00), (0.24, 0.48, 0.93),
+              (0.20, 0.41, 0.86), (0.17, 0.36, 0.80), (0.15, 0.32, 0.74), (0.13, 0.29, 0.69))
+    heights = [-1.5 + 1.1 * i for i in range(17)] + [22.0, 34.0]
+    for i, (low, high) in enumerate(zip(heights, heights[1:])):
+        f = min(i / 16.0, 1.0) * (len(colors) - 1)
         a, b = colors[int(f)], colors[min(int(f) + 1, len(colors) - 1)]
-        emission = [round(p + (q - p) * (f - int(f)), 4) for p, q in zip(a, b)]
+        emission = [round(1.1 * (p + (q - p) * (f - int(f))), 4) for p, q in zip(a, b)]
         instances[f"sky_{i + 1:02d}"] = {
             "mesh": "strip", "material": "black", "emission": emission,
-            "transform": {"translate": [0, round(-1.0 + i * 0.9, 3), -60], "scale": [100, 0.9, 1]},
+            "transform": {"translate": [0, round(low, 3), -60], "scale": [70, round(high - low, 3), 1]},
         }
 
 
@@ -328,75 +335,110 @@ def document():
         instances[f"stack_{i + 1}"] = {
             "mesh": "stack", "material": f"rock_{shade}",
             "transform": {"translate": [x, -0.6, z], "rotate": [0, 80 * i, 0], "scale": [width, height, width]},
+            # The haze in front of it.
+            "emission": [0.05, 0.085, 0.14] if shade == "far" else [0.16, 0.24, 0.35],
         }
-    wreck = {"translate": [2.5, 0.72, -0.6], "rotate": [-14, 24, 5]}
-    wreck["rotate"] = [-13, 206, -6]
     for name, material in (("hull", "wood"), ("rigging", "spar"), ("sail", "canvas")):
-        instances[name] = {"mesh": name, "material": material, "transform": wreck}
-    instances["windows"] = {"mesh": "windows", "material": "black", "transform": wreck, "emission": [14, 6.2, 1.9]}
+        instances[name] = {"mesh": name, "material": material, "transform": WRECK}
+    instances["windows"] = {"mesh": "windows", "material": "black", "transform": WRECK, "emission": [6, 2.7, 0.85]}
+    for name, (center, scale) in lantern_places().items():
+        instances[f"lantern_{name}"] = {
+            "mesh": "lantern", "material": "iron", "transform": {"translate": center, "scale": scale, "rotate": [0, 20, 0]}}
     sky_strips(instances)
+    # A cool softbox under the roof, out of the picture: what a crack above would let in, without its noise.
+    instances["skylight"] = {
+        "mesh": "pane", "material": "black", "emission": [2.6, 4.6, 7.6],
+        "transform": {"translate": [1.3, 3.85, 4.9], "rotate": [198, 0, 8], "scale": [1.3, 1, 0.8]}}
     return {
         "version": 1,
         "camera": {
             "type": "perspective", "vfov": 44,
             "transform": {"look_at": {"eye": [-0.5, 1.55, 8.2], "target": [-0.1, 1.75, 0], "up": [0, 1, 0]}},
         },
-        "film": {"width": 640, "height": 360, "filter": {"type": "blackman_harris", "radius": 1.5}, "exposure": 0.6, "view": "filmic"},
-        "sampling": {"spp": 64, "seed": 1},
-        "integrator": {"max_depth": 8, "roulette_depth": 4},
+        "film": {"width": 640, "height": 360, "filter": {"type": "blackman_harris", "radius": 1.5}, "exposure": 0.9, "view": "filmic"},
+        "sampling": {"spp": 32, "seed": 1},
+        "integrator": {"max_depth": 5, "roulette_depth": 4},
         "materials": {
             "rock": {"type": "diffuse", "reflectance": image("rock")},
             "sand": {"type": "diffuse", "reflectance": image("sand")},
             "wood": {"type": "diffuse", "reflectance": image("wood")},
+            "iron": {"type": "diffuse", "reflectance": [0.06, 0.055, 0.05]},
             "spar": {"type": "diffuse", "reflectance": [0.20, 0.13, 0.085]},
             "canvas": {"type": "diffuse", "reflectance": [0.62, 0.55, 0.45]},
-            "sea": {"type": "diffuse", "reflectance": [0.10, 0.22, 0.27]},
+            "sea": {"type": "diffuse", "reflectance": [0.22, 0.42, 0.5]},
             "rock_far": {"type": "diffuse", "reflectance": [0.16, 0.20, 0.26]},
             "rock_farther": {"type": "diffuse", "reflectance": [0.34, 0.42, 0.52]},
-            "bone": {"type": "diffuse", "reflectance": [0.86, 0.66, 0.48]},
+            "bone": {"type": "diffuse", "reflectance": [0.90, 0.66, 0.44]},
             "stone": {"type": "diffuse", "reflectance": [0.33, 0.31, 0.29]},
+            "dark_stone": {"type": "diffuse", "reflectance": [0.17, 0.165, 0.16]},
             "black": {"type": "diffuse", "reflectance": [0.02, 0.02, 0.02]},
         },
         "meshes": {
             "cave": {"file": "meshes/cave.ply"}, "sand": {"file": "meshes/sand.ply"}, "stack": {"file": "meshes/stack.ply"},
-            "sea": {"file": "meshes/sea.obj"}, "strip": {"file": "meshes/strip.obj"}, "hull": {"file": "meshes/hull.ply"},
+            "sea": {"file": "meshes/sea.obj"}, "strip": {"file": "meshes/strip.obj"}, "pane": {"file": "meshes/pane.obj"}, "lantern": {"file": "meshes/lantern.obj"}, "hull": {"file": "meshes/hull.ply"},
             "rigging": {"file": "meshes/rigging.obj"}, "sail": {"file": "meshes/sail.obj"}, "windows": {"file": "meshes/windows.obj"},
         },
         "instances": instances,
         "spheres": lanterns(),
         "sdf_objects": sdf_objects(),
-        "lights": {"dusk": {"type": "environment", "radiance": [0.10, 0.16, 0.26]}},
         "animation": {
             "fps": 24, "frames": [1, 4],
             "tracks": {
-                "sdf_objects.heart.tree.power": {
-                    "interpolation": "linear", "keys": [{"frame": 1, "value": 8}, {"frame": 4, "value": 7.4}]},
-                "spheres.lantern_rock.emission": {
+                "sdf_objects.heart.transform.rotate": {
                     "interpolation": "linear",
-                    "keys": [{"frame": 1, "value": [95, 43, 13]}, {"frame": 2, "value": [80, 35, 10]},
-                             {"frame": 4, "value": [100, 46, 14]}]},
+                    "keys": [{"frame": 1, "value": [-20, 12, 0]}, {"frame": 4, "value": [-20, 12, 9]}]},
+                "camera.transform.look_at.eye": {
+                    "interpolation": "linear",
+                    "keys": [{"frame": 1, "value": [-0.5, 1.55, 8.2]}, {"frame": 4, "value": [-0.38, 1.55, 8.14]}]},
+                "spheres.flame_rock.emission": {
+                    "interpolation": "linear",
+                    "keys": [{"frame": 1, "value": FLAME}, {"frame": 2, "value": [62, 27, 7.8]},
+                             {"frame": 4, "value": [90, 42, 13.5]}]},
             },
         },
     }
 
 
-RING = (-1.75, 1.62, -0.4)
+RING = (-1.9, 1.75, 0.2)
+
+
+FLAME = [80, 37, 11.5]
+WRECK = {"translate": [3.55, 0.62, -1.7], "rotate": [-13, 203, -6], "scale": 0.84}
+
+
+def on_wreck(p):
+    """A point of the wreck's own frame in the world: scaled, turned about x, y, z, moved."""
+    x, y, z = (c * WRECK["scale"] for c in p)
+    a, b, c = (math.radians(d) for d in WRECK["rotate"])
+    y, z = y * math.cos(a) - z * math.sin(a), y * math.sin(a) + z * math.cos(a)
+    x, z = x * math.cos(b) + z * math.sin(b), z * math.cos(b) - x * math.sin(b)
+    x, y = x * math.cos(c) - y * math.sin(c), x * math.sin(c) + y * math.cos(c)
+    return [round(v + t, 4) for v, t in zip((x, y, z), WRECK["translate"])]
+
+
+def lantern_places():
+    """Where the visible lanterns hang: name to (position, scale)."""
+    return {
+        "rock": ([-2.72, 1.36, 3.55], 1.0),
+        "hull": (on_wreck((0.55, -0.15, 0.1)), 1.1),
+        "yard": (on_wreck((0.36, 2.52, -1.42)), 1.0),
+        "bow": (on_wreck((5.2, 1.22, 0.05)), 0.8),
+    }
 
 
 def lanterns():
-    """Warm lights: on a rock in front, in the broken hull, on the mast, and beads in the ring."""
-    lights = {
-        "lantern_rock": {"center": [-3.05, 0.98, 3.6], "radius": 0.085, "material": "black", "emission": [95, 43, 13]},
-        "lantern_hull": {"center": [2.75, 0.85, -0.75], "radius": 0.10, "material": "black", "emission": [95, 40, 11]},
-        "lantern_mast": {"center": [2.05, 2.35, 0.05], "radius": 0.07, "material": "black", "emission": [70, 34, 11]},
-        "heart_light": {"center": [RING[0], RING[1] - 0.05, RING[2] - 0.95], "radius": 0.12, "material": "black", "emission": [60, 14, 7]},
-    }
+    """Lights: a flame in every lantern, beads on the ring, embers behind the fractal, two keys out of the picture."""
+    lights = {}
+    for name, (center, scale) in lantern_places().items():
+        lights[f"flame_{name}"] = {"center": center, "radius": round(0.075 * scale, 4), "emission": FLAME}
+    lights["flame_hull"]["emission"] = [260, 115, 32]
+    lights["key_ring"] = {"center": [-4.0, 2.2, 4.4], "radius": 0.22, "emission": [95, 48, 18]}
+    lights["ember"] = {"center": [RING[0] - 0.25, RING[1] - 0.1, RING[2] - 1.3], "radius": 0.2, "emission": [110, 26, 11]}
     for i in range(7):
         turn = math.pi * (0.08 + 0.84 * i / 6)
         center = [RING[0] + 1.52 * math.cos(turn), RING[1] + 1.52 * math.sin(turn), RING[2] + 0.24]
-        lights[f"bead_{i + 1}"] = {
-            "center": [round(c, 4) for c in center], "radius": 0.05, "material": "black", "emission": [60, 27, 8]}
-    return lights
+        lights[f"bead_{i + 1}"] = {"center": [round(c, 4) for c in center], "radius": 0.055, "emission": [12, 5.4, 1.6]}
+    return {name: {**light, "material": "black"} for name, light in lights.items()}
 
 
 def sdf_objects():
@@ -418,19 +460,20 @@ def sdf_objects():
         },
     }
     boulders = {
-        "type": "smooth_union", "k": 0.3,
+        "type": "smooth_union", "k": 0.42,
         "children": {
-            "a": boulder([0, 0, 0], [1.1, 0.7, 0.9], [12, 35, -8]), "b": boulder([0.75, -0.2, 0.35], [0.8, 0.55, 0.7], [-6, 10, 15]),
-            "c": ball([-0.7, -0.15, 0.2], 0.42), "d": ball([0.3, 0.2, -0.35], 0.36),
+            "a": boulder([0, 0, 0], [0.8, 0.5, 0.7], [22, 35, -18]), "b": boulder([0.8, -0.25, 0.3], [0.6, 0.4, 0.5], [-16, 10, 25]),
+            "post": boulder([0.1, 0.3, 0.05], [0.16, 1.0, 0.16], [6, 20, -5]),
+            "c": ball([-0.7, -0.15, 0.2], 0.36), "d": ball([0.3, 0.1, -0.35], 0.30), "e": ball([0.25, -0.3, 0.75], 0.34),
         },
     }
     return {
         "heart": {
-            "material": "bone", "transform": {"translate": list(RING), "rotate": [-64, 24, 0], "scale": 0.98},
-            "tree": {"type": "mandelbulb", "power": 8, "iterations": 8, "bailout": 4},
+            "material": "bone", "transform": {"translate": list(RING), "rotate": [-20, 12, 0], "scale": 1.0},
+            "tree": {"type": "mandelbulb", "power": 8, "iterations": 5, "bailout": 4},
         },
         "ring": {"material": "stone", "transform": {"translate": list(RING), "rotate": [0, 12, 0]}, "tree": ring},
-        "boulders": {"material": "stone", "transform": {"translate": [-3.1, 0.45, 3.5], "rotate": [0, 20, 0]}, "tree": boulders},
+        "boulders": {"material": "dark_stone", "transform": {"translate": [-3.1, 0.45, 3.5], "rotate": [0, 20, 0]}, "tree": boulders},
     }
 
 
@@ -442,11 +485,13 @@ def main():
     sand()
     stack()
     plain_quad("sea", ((-70, -0.42, -7), (70, -0.42, -7), (70, -0.42, -60), (-70, -0.42, -60)))
+    plain_quad("pane", ((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)))
     plain_quad("strip", ((-1, 0, 0), (1, 0, 0), (1, 1, 0), (-1, 1, 0)))
     hull()
     rigging()
     sail()
     windows()
+    lantern()
     textures()
     with open(path("demo.json"), "w", newline="\n") as file:
         json.dump(document(), file, indent=1)

@@ -78,7 +78,8 @@ impl Blobs {
         Ok(digest)
     }
 
-    /// The bytes of `digest`, checked.
+    /// The bytes of `digest`, checked. Damaged bytes are deleted, so that the right ones can take their place: a
+    /// blob that is there counts as stored.
     ///
     /// # Errors
     /// [`Error::Gone`] when there is no such blob, [`Error::Corrupt`] when it is not what it was.
@@ -88,10 +89,13 @@ impl Blobs {
             Err(object_store::Error::NotFound { .. }) => return Err(Error::Gone(digest)),
             Err(e) => return Err(e.into()),
         };
-        tokio::task::spawn_blocking(move || {
-            if Digest::of(&bytes) == digest { Ok(bytes.into()) } else { Err(Error::Corrupt(digest)) }
-        })
-        .await?
+        let hashed = bytes.clone();
+        if tokio::task::spawn_blocking(move || Digest::of(&hashed)).await? == digest {
+            return Ok(bytes.into());
+        }
+        tracing::error!("blob {digest} is damaged: the disk may be failing");
+        self.delete(kind, &digest).await?;
+        Err(Error::Corrupt(digest))
     }
 
     /// Bytes `range` of a blob, unchecked: for downloads, whose reader checks the whole.
@@ -188,9 +192,15 @@ mod tests {
         let hex = digest.to_string();
         std::fs::write(dir.path().join("films").join(&hex[..2]).join(&hex[2..]), b"fiLm").unwrap();
         assert!(matches!(blobs.get(Kind::Film, digest).await, Err(Error::Corrupt(d)) if d == digest));
+        assert!(
+            matches!(blobs.get(Kind::Film, digest).await, Err(Error::Gone(_))),
+            "the damaged one is deleted"
+        );
+        blobs.put(Kind::Film, &b"film"[..]).await.unwrap();
+        assert_eq!(blobs.get(Kind::Film, digest).await.unwrap(), b"film", "the right one takes its place");
         blobs.delete(Kind::Film, &digest).await.unwrap();
         blobs.delete(Kind::Film, &digest).await.unwrap();
-        assert!(matches!(blobs.get(Kind::Film, digest).await, Err(Error::Gone(_))));
+        assert_eq!(blobs.size(Kind::Film, &digest).await.unwrap(), None);
     }
 
     #[tokio::test]

@@ -107,13 +107,10 @@ impl Error {
     }
 
     fn is_full(&self) -> bool {
-        match self {
-            Self::Storage(e) => {
-                matches!(e.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
-            }
-            Self::Database(text) => text.contains("database or disk is full"),
-            _ => false,
+        if let Self::Storage(e) = self {
+            return matches!(e.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
         }
+        matches!(self, Self::Database(text) if text.contains("database or disk is full"))
     }
 }
 

@@ -189,7 +189,10 @@ impl Machinery {
             tracing::error!("a worker thread has panicked");
         }
         // A disk that takes nothing must not keep the program from ending: nobody was told of what is lost.
-        let _ = timeout(GRACE, self.ledger).await;
+        let mut ledger = self.ledger;
+        if timeout(GRACE, &mut ledger).await.is_err() {
+            ledger.abort();
+        }
         Ok(())
     }
 }

@@ -40,7 +40,13 @@ impl Hub {
     /// A new viewer of a job; it is forgotten when it is dropped.
     pub fn attach(&self, job: &str, frames: Option<BTreeSet<i32>>) -> Arc<Viewer> {
         let viewer = Arc::new(Viewer { frames, news: Mutex::default(), changed: Notify::new() });
-        self.lock().entry(job.to_owned()).or_default().push(Arc::downgrade(&viewer));
+        let mut viewers = self.lock();
+        // Whoever left a job that nothing happens to any more is forgotten here.
+        viewers.retain(|_, of_job| {
+            of_job.retain(|v| v.strong_count() > 0);
+            !of_job.is_empty()
+        });
+        viewers.entry(job.to_owned()).or_default().push(Arc::downgrade(&viewer));
         viewer
     }
 
@@ -204,6 +210,9 @@ mod tests {
         drop(hub.attach("j", None));
         hub.publish("j", 1, &[0]);
         assert!(hub.lock().is_empty());
+        drop(hub.attach("k", None));
+        drop(hub.attach("l", None));
+        assert_eq!(hub.lock().keys().collect::<Vec<_>>(), ["l"]);
     }
 
     #[test]

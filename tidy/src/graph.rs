@@ -60,6 +60,7 @@ pub fn uses(root: &Path, folder: &str) -> (BTreeSet<String>, Vec<Use>) {
     let prefix = format!("{folder}/src/");
     let files: Vec<_> = rust_files(root)
         .into_iter()
+        .filter(|(source, _)| !source.is_test())
         .filter_map(|(source, file)| {
             let module = module_of(source.path.strip_prefix(&prefix)?);
             Some((source, file, module))

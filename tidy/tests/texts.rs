@@ -77,7 +77,9 @@ fn no_file_contains_what_ages_or_leaks() {
 #[test]
 fn links_in_pages_lead_to_files() {
     let (mut links, mut wrong) = (0, Vec::new());
-    for file in own_files().iter().filter(|file| file.has_extension("md")) {
+    // Pages among the sources are parts of generated pages, which are checked where they end up.
+    let page = |file: &&Source| file.has_extension("md") && !file.path.contains("/src/");
+    for file in own_files().iter().filter(page) {
         let folder = root().join(&file.path);
         let folder = folder.parent().unwrap_or(Path::new("."));
         for link in targets(&file.text) {

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use karst_client::{Blob, Error};
-use karst_core::encode::{ExrImage, View, png, read_exr};
+use karst_core::color::View;
+use karst_core::encode::{ExrImage, png, read_exr};
 use serde_json::{Value, json};
 
 use crate::args::CompareArgs;

@@ -45,6 +45,9 @@ pub(super) async fn download_frames(
     let frames: Vec<Frame> = client.frames(&job.id).await?.into_iter().filter(is_wanted).collect();
     for frame in &frames {
         talk.say(&frame_line(frame));
+        if let Some(error) = &frame.error {
+            talk.say(&format_args!("warning: frame {}: {}", frame.frame, error.message));
+        }
         for file in &frame.files {
             let Some(path) = path_of(job, frame.frame, file.format()) else { continue };
             if !wanted.formats.is_empty() && !wanted.formats.iter().any(|f| wire_format(*f) == file.format())

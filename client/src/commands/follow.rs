@@ -21,14 +21,26 @@ pub(super) async fn follow(
 ) -> Result<Job, Error> {
     let bar = Bar::new();
     let mut updates = pin!(client.watch(job, resume));
-    while let Some(update) = updates.next().await {
+    let mut connected = true;
+    loop {
+        let update = tokio::select! {
+            update = updates.next() => update,
+            _ = tokio::signal::ctrl_c() => {
+                bar.clear();
+                return Err(Error::Failed(format!("interrupted; the job goes on: `karst watch {job}` finds it again")));
+            }
+        };
+        let Some(update) = update else { break };
         match update? {
             Update::Reconnecting { cause, wait } => {
-                bar.note(&format!("connection lost ({cause}), trying again"));
+                if std::mem::take(&mut connected) {
+                    bar.note(&format!("connection lost ({cause}), trying again"));
+                }
                 let wait_seconds = wait.as_secs_f64();
                 talk.event(&json!({"event": "reconnecting", "cause": cause, "wait_seconds": wait_seconds}));
             }
             Update::Event(event) => {
+                connected = true;
                 talk.event(&event_json(&event));
                 if let Some(job) = show(&bar, *event) {
                     bar.clear();

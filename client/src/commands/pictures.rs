@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use karst_client::Error;
-use karst_core::encode::{exr, png};
+use karst_core::encode::{exr, png, statistics};
 use karst_core::film::{Film, Picture};
 use karst_core::scene::Scene;
 use karst_denoise::{Denoiser, Input, Mode};
@@ -35,7 +35,7 @@ impl<'a> Pictures<'a> {
             DenoiseArg::Color => Some(denoise_picture(&noisy, Mode::Color, threads)?),
             DenoiseArg::Full => Some(denoise_picture(&noisy, Mode::Full, threads)?),
         };
-        let statistics = karst_core::encode::statistics(scene, frame, &film.summary());
+        let statistics = statistics(frame, scene.sampling().seed, &film.summary());
         Ok(Self { scene, noisy, denoised, statistics })
     }
 
@@ -64,9 +64,7 @@ impl<'a> Pictures<'a> {
 
 /// The same picture with denoised colours.
 fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Picture, Error> {
-    let color: Vec<[f32; 3]> = noisy.color.iter().map(|value| value.to_array()).collect();
-    let albedo: Vec<[f32; 3]> = noisy.albedo.iter().map(|value| value.to_array()).collect();
-    let normal: Vec<[f32; 3]> = noisy.normal.iter().map(|value| value.to_array()).collect();
+    let (color, albedo, normal) = (plane(&noisy.color), plane(&noisy.albedo), plane(&noisy.normal));
     let input = Input {
         width: noisy.window.width(),
         height: noisy.window.height(),
@@ -78,6 +76,10 @@ fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Pictur
         .and_then(|denoiser| denoiser.with_threads(threads as u32).denoise(&input, mode))
         .map_err(|error| Error::Failed(error.to_string()))?;
     Ok(Picture { color: smooth.into_iter().map(Into::into).collect(), ..noisy.clone() })
+}
+
+fn plane<T: Copy + Into<[f32; 3]>>(values: &[T]) -> Vec<[f32; 3]> {
+    values.iter().map(|value| (*value).into()).collect()
 }
 
 fn encode_error(path: &Path, error: &dyn std::fmt::Display) -> Error {

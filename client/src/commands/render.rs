@@ -18,6 +18,9 @@ use crate::progress::{Bar, Shown, percent};
 use crate::report::Report;
 use crate::talk::Talk;
 
+/// Edge of a tile in pixels unless given; a tile is one piece of work for a thread.
+const DEFAULT_TILE_SIZE: u32 = 32;
+
 pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Error> {
     check_outputs(&args.output)?;
     let limits = Limits::default();
@@ -136,7 +139,8 @@ impl Job<'_> {
         let start = Shown { frame, frames_finished: finished, frames_total: total, ..Shown::default() };
         let observer = Observer { bar: &self.bar, clock: Stopwatch::start(), scene, start };
         let never = AtomicBool::new(false);
-        let film = self.pool.install(|| render_frame(scene, self.args.work.tile_size, &never, &observer));
+        let tile_size = self.args.work.tile_size.unwrap_or(DEFAULT_TILE_SIZE);
+        let film = self.pool.install(|| render_frame(scene, tile_size, &never, &observer));
         self.bar.clear();
         film.expect("a render ends early only when it is told to stop, and nobody does")
     }

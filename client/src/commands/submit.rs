@@ -1,5 +1,8 @@
 //! `karst submit`: uploads what the server lacks, submits the job, waits and downloads if asked.
 
+use std::pin::pin;
+
+use futures::StreamExt;
 use karst_client::{Client, Error, SceneFiles, read_scene};
 use karst_proto::convert::settings_to_wire;
 use karst_proto::v1::{
@@ -48,13 +51,13 @@ async fn wait(
     submitted: Stopwatch,
     talk: Talk,
 ) -> Result<(), Error> {
-    let job = if args.tiles {
-        let (job, ()) =
-            tokio::join!(follow(client, &job.id, None, talk), count_tiles(client, &job.id, submitted, talk));
-        job?
-    } else {
-        follow(client, &job.id, None, talk).await?
+    let tiles = async {
+        if args.tiles {
+            count_tiles(client, &job.id, submitted, talk).await;
+        }
+        Ok(())
     };
+    let (job, ()) = tokio::try_join!(follow(client, &job.id, None, talk), tiles)?;
     if let Some(folder) = &args.output {
         download_frames(client, &job, &Wanted::default(), folder, talk).await?;
     }
@@ -63,23 +66,21 @@ async fn wait(
 
 /// Receives preview tiles to the end of the job; trouble here is only worth a remark.
 async fn count_tiles(client: &Client, job: &str, submitted: Stopwatch, talk: Talk) {
+    let request = StreamTilesRequest { job: job.to_owned(), ..StreamTilesRequest::default() };
+    let mut tiles = pin!(client.stream_tiles(request));
     let mut count = 0_u64;
-    let ended = async {
-        let request = StreamTilesRequest { job: job.to_owned(), ..StreamTilesRequest::default() };
-        let mut tiles = client.stream_tiles(request).await?;
-        while let Some(tile) = tiles.message().await.map_err(|status| Error::call("preview", status))? {
-            count += 1;
-            if count == 1 {
+    while let Some(tile) = tiles.next().await {
+        match tile {
+            Ok(tile) if count == 0 => {
                 let seconds = submitted.seconds();
                 talk.say(&format_args!("first tile after {:.0} ms", seconds * 1e3));
-                talk.event(&json!({"event": "first_tile", "frame": tile.frame, "tile": tile.tile, "seconds": seconds}));
+                let (frame, tile) = (tile.frame, tile.tile);
+                talk.event(&json!({"event": "first_tile", "frame": frame, "tile": tile, "seconds": seconds}));
             }
+            Ok(_) => {}
+            Err(error) => return talk.say(&format_args!("the tile stream ended early: {error}")),
         }
-        Ok::<(), Error>(())
-    }
-    .await;
-    if let Err(error) = ended {
-        talk.say(&format_args!("the tile stream ended early: {error}"));
+        count += 1;
     }
     talk.say(&format_args!("received {count} tiles while they improved"));
     talk.event(&json!({"event": "tiles", "count": count}));
@@ -98,7 +99,7 @@ fn request(args: &SubmitArgs, scene: &SceneFiles) -> SubmitJobRequest {
         }),
         frames: args.frames.or(args.frame.map(FrameList::one)).map(frame_range),
         settings: Some(settings_to_wire(&args.settings.overrides())),
-        tile_size: args.work.tile_size,
+        tile_size: args.work.tile_size.unwrap_or(0),
         denoise: denoise(args.work.denoise).into(),
     };
     SubmitJobRequest {

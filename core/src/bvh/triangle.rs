@@ -1,7 +1,7 @@
 //! Owns the tree over a mesh's triangles and the watertight test at its leaves.
 
 use super::{BuildError, Bvh, RayBoxes};
-use crate::math::{Aabb, Ray, gamma};
+use crate::math::{Aabb, Ray};
 use glam::Vec3;
 
 /// Where a ray meets a triangle.
@@ -129,21 +129,8 @@ impl Shear {
         }
         let inverse = 1.0 / determinant;
         let t = (u * a.z + v * b.z + w * c.z) * inverse;
-        let hit = t > 0.0 && t <= t_max && t > distance_error([a, b, c], [u, v, w], inverse);
-        hit.then_some((t, [v * inverse, w * inverse]))
+        (t > 0.0 && t <= t_max).then_some((t, [v * inverse, w * inverse]))
     }
-}
-
-/// Bound of the error of `t`: a ray that leaves the plane of a triangle must not find it again
-/// (pbrt-v4 section 6.8.7).
-fn distance_error([a, b, c]: [Vec3; 3], edges: [f32; 3], inverse: f32) -> f32 {
-    let reach = a.abs().max(b.abs()).max(c.abs());
-    let delta_x = gamma(5) * (reach.x + reach.z);
-    let delta_y = gamma(5) * (reach.y + reach.z);
-    let delta_edge = 2.0 * (gamma(2) * reach.x * reach.y + delta_y * reach.x + delta_x * reach.y);
-    let edge = edges[0].abs().max(edges[1].abs()).max(edges[2].abs());
-    let delta_z = gamma(3) * reach.z;
-    3.0 * (gamma(3) * edge * reach.z + delta_edge * reach.z + delta_z * edge) * inverse.abs()
 }
 
 /// The edge functions again where single precision cannot tell the side; products of floats are exact in double.

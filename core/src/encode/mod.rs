@@ -6,12 +6,14 @@ mod exr_read;
 mod exr_write;
 mod heat;
 mod png;
+mod statistics;
 mod view;
 
 pub use exr_read::{ExrImage, read_exr};
 pub use exr_write::{Layers, exr, write_exr};
 pub use heat::{false_color, heat_map};
 pub use png::{png, png_rgb8};
+pub use statistics::statistics;
 pub use view::display;
 
 /// Why a picture could not be written or read.

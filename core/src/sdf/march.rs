@@ -154,7 +154,8 @@ impl March<'_> {
         let steepest = if fractal { 0.5 } else { 0.99 };
         let length = self.segment.length;
         let mut here = End { at, value };
-        let mut slope = -1.0_f32;
+        // Unknown until the first step has measured it.
+        let mut slope = f32::NAN;
         let mut caution = 1.0_f32;
         let mut step = value.max(self.least_step(at));
         let mut nearest = Nearest::default();
@@ -183,13 +184,14 @@ impl March<'_> {
                 return None;
             }
             nearest.offer(there, self.segment.start as f32);
-            slope += SLOPE_WEIGHT * ((there.value - here.value) / (next - here.at) - slope);
+            let measured = (there.value - here.value) / (next - here.at);
+            slope = if slope.is_nan() { measured } else { slope + SLOPE_WEIGHT * (measured - slope) };
             here = there;
             step = caution * 2.0 * here.value / (1.0 - slope.clamp(-1.0, steepest));
         }
         self.stats.exhausted += 1;
         // A ray that was leaving when its steps ran out has hit nothing, however close it came.
-        (slope < 0.0 && nearest.value <= self.least_step(nearest.at)).then_some(nearest.at)
+        (slope <= 0.0 && nearest.value <= self.least_step(nearest.at)).then_some(nearest.at)
     }
 
     fn refine(&mut self, low: End, high: End) -> f32 {

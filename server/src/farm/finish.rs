@@ -41,7 +41,8 @@ type Encoded = (Vec<(Format, Vec<u8>)>, Option<Failure>);
 fn encode_all(frame: &LiveFrame, denoise: Denoise) -> Result<Encoded, Error> {
     let (picture, statistics) = {
         let merged = frame.merged();
-        (merged.film.picture(), statistics(frame, &merged.film))
+        let seed = frame.scene.sampling().seed;
+        (merged.film.picture(), encode::statistics(frame.frame, seed, &merged.film.summary()))
     };
     let (smooth, failure) = match denoise_picture(&picture, denoise) {
         Ok(smooth) => (smooth, None),
@@ -82,24 +83,4 @@ fn denoise_picture(
     };
     let smooth = Denoiser::find()?.denoise(&input, mode)?;
     Ok(Some(smooth.into_iter().map(glam::Vec3::from_array).collect()))
-}
-
-/// What the EXR says about its making; no times, so that equal pixels make equal files.
-fn statistics(frame: &LiveFrame, film: &karst_core::film::Film) -> serde_json::Value {
-    let summary = film.summary();
-    let counters = summary.counters;
-    serde_json::json!({
-        "frame": frame.frame,
-        "seed": frame.scene.sampling().seed,
-        "spp_mean": summary.spp_mean,
-        "spp_min": summary.spp_min,
-        "spp_max": summary.spp_max,
-        "samples": summary.samples,
-        "rays": counters.rays,
-        "shadow_rays": counters.shadow_rays,
-        "nonfinite_samples": counters.nan_samples + counters.infinite_samples,
-        "exhausted_rays": counters.exhausted_rays,
-        "rel_mse": summary.rel_mse,
-        "rel_mse_ci95": summary.rel_mse_ci95,
-    })
 }

@@ -69,8 +69,8 @@ pub(crate) enum Entry {
 
 /// Rows that belong together, with what follows from them.
 pub(crate) struct Rows {
-    /// The rows.
-    pub rows: Vec<Row>,
+    /// What changes.
+    pub changes: Vec<Row>,
     /// A film that is stored before the rows.
     pub film: Option<NewFilm>,
     /// Frames that were given up: the rows forget their packs.
@@ -126,7 +126,7 @@ impl Ledger {
                     results.entry((r.task.frame.number, r.task.frame.frame)).or_default().push(*r);
                 }
                 Entry::Rows(entry) => {
-                    rows.extend(entry.rows);
+                    rows.extend(entry.changes);
                     films.extend(entry.film);
                     given_up.extend(entry.given_up);
                     thens.push(entry.then);

@@ -96,10 +96,13 @@ impl LiveFrame {
     }
 }
 
+/// By job and frame number.
+type Frames = HashMap<(Arc<str>, i32), Arc<LiveFrame>>;
+
 /// All frames that are being rendered.
 #[derive(Debug, Default)]
 pub struct Live {
-    frames: Mutex<HashMap<(Arc<str>, i32), Arc<LiveFrame>>>,
+    frames: Mutex<Frames>,
 }
 
 impl Live {
@@ -118,7 +121,7 @@ impl Live {
         self.lock().remove(&(Arc::from(job), frame))
     }
 
-    fn lock(&self) -> MutexGuard<'_, HashMap<(Arc<str>, i32), Arc<LiveFrame>>> {
+    fn lock(&self) -> MutexGuard<'_, Frames> {
         self.frames.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

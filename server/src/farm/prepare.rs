@@ -109,7 +109,7 @@ pub(crate) fn frames_of(context: &Context, limits: &Limits) -> Result<Frames, Er
 pub(crate) fn build(context: &Context, limits: &Limits, frame: i32) -> Result<Scene, Error> {
     let mut description = context.document.at(frame).map_err(|p| scene_error(&p))?;
     let overrides = context.spec.settings.overrides();
-    description.apply(&overrides, limits).map_err(|p| scene_error(&p))?;
+    description.apply(&overrides, limits).map_err(|p| settings_error(&p))?;
     Scene::build(&description, &context.assets, frame).map_err(|p| scene_error(&p))
 }
 
@@ -237,4 +237,16 @@ impl AssetSource for BlobSource {
 fn scene_error(problems: &Problems) -> Error {
     let (violations, total) = problems_to_violations(problems);
     Error::Scene(violations, total)
+}
+
+/// Problems with what the job changes, with the paths of the request: the core names the places in the document
+/// that would have had the same values.
+fn settings_error(problems: &Problems) -> Error {
+    let field = |path: &str| match path.split_once('.') {
+        Some(("film", rest)) if rest.starts_with("crop") => "job.settings.crop".to_owned(),
+        Some(("sampling", rest)) => format!("job.settings.{rest}"),
+        _ if path.starts_with("film") => "job.settings.size".to_owned(),
+        _ => "job.settings".to_owned(),
+    };
+    Error::Fields(problems.problems.iter().map(|p| Violation::new(field(&p.path), &p.message)).collect())
 }

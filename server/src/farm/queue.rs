@@ -13,7 +13,7 @@ use crate::farm::live::LiveFrame;
 
 /// A piece of work: one tile of one round of one frame.
 #[derive(Debug, Clone)]
-pub struct Task {
+pub(crate) struct Task {
     /// The frame.
     pub frame: Arc<LiveFrame>,
     /// The round that is being rendered.
@@ -27,7 +27,7 @@ type Place = (i64, i32, u32);
 
 /// The open tasks.
 #[derive(Debug, Default)]
-pub struct Queue {
+pub(crate) struct Queue {
     open: Mutex<Open>,
     changed: Condvar,
 }
@@ -40,14 +40,14 @@ struct Open {
 
 impl Queue {
     /// Adds tasks and wakes workers.
-    pub fn push(&self, tasks: impl IntoIterator<Item = Task>) {
+    pub(crate) fn push(&self, tasks: impl IntoIterator<Item = Task>) {
         let mut open = self.lock();
         open.tasks.extend(tasks.into_iter().map(|t| ((t.frame.number, t.frame.frame, t.tile), t)));
         self.changed.notify_all();
     }
 
     /// Takes the first task and says how many are left; waits for one, `None` when the queue was closed.
-    pub fn pop(&self) -> Option<(Task, usize)> {
+    pub(crate) fn pop(&self) -> Option<(Task, usize)> {
         let mut open = self.lock();
         loop {
             if open.closed {
@@ -61,17 +61,17 @@ impl Queue {
     }
 
     /// Number of tasks that nobody has taken.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.lock().tasks.len()
     }
 
     /// Removes the tasks of a frame.
-    pub fn remove(&self, number: i64, frame: i32) {
+    pub(crate) fn remove(&self, number: i64, frame: i32) {
         self.lock().tasks.retain(|place, _| (place.0, place.1) != (number, frame));
     }
 
     /// Sends all workers home.
-    pub fn close(&self) {
+    pub(crate) fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();
     }

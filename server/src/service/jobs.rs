@@ -7,7 +7,7 @@ use karst_denoise::Denoiser;
 use karst_proto::v1::jobs_server::Jobs;
 use karst_proto::v1::{
     self, CancelJobRequest, GetJobRequest, JobEvent, ListJobsRequest, ListJobsResponse, SubmitJobRequest,
-    WatchJobRequest, job_event,
+    WatchJobRequest,
 };
 use prost::Message;
 use tokio::sync::{Semaphore, mpsc, oneshot};
@@ -18,20 +18,16 @@ use uuid::Uuid;
 use crate::clock;
 use crate::digest::Digest;
 use crate::error::Error;
-use crate::farm::feed::Feed;
 use crate::farm::{Checked, Event, Shared, prepare};
 use crate::job::JobRun;
 use crate::model::{Frame, Job, JobState};
 use crate::service::assets::missing;
 use crate::service::convert;
-use crate::service::outlet::{Closed, Outflow, Outlet, stream};
+use crate::service::outlet::{Outflow, stream};
+use crate::service::watch::{revision_of, watch};
 use crate::spec::{Denoise, JobSpec};
 use crate::state::{StoredJob, Submission, Submitted};
 
-/// Something comes at the latest after this time.
-const BOOKMARK: Duration = Duration::from_secs(15);
-/// Records read at once.
-const PAGE: u32 = 256;
 /// Jobs on a page of a list: at most, and unless asked for.
 const JOBS: (u32, u32) = (100, 50);
 
@@ -93,7 +89,9 @@ impl JobsService {
         check_request_id(&request.request_id)?;
         let spec = convert::spec(request.job.as_ref())?;
         let body = Digest::of(&request.job.unwrap_or_default().encode_to_vec());
-        if let Some(known) = self.shared.state.known(&request.request_id, &body).await? {
+        if !request.validate_only
+            && let Some(known) = self.shared.state.known(&request.request_id, &body).await?
+        {
             return Ok(convert::job(&known));
         }
         let (spec, checked) = self.check(spec).await?;
@@ -123,7 +121,7 @@ impl JobsService {
             Denoiser::find().map_err(|e| Error::Denoiser(e.to_string()))?;
         }
         let busy = "too many scenes are being checked: try again";
-        let _permit = tokio::time::timeout(Duration::from_secs(60), self.checking.acquire())
+        let _permit = tokio::time::timeout(Duration::from_mins(1), self.checking.acquire())
             .await
             .map_err(|_| Error::Unavailable(busy))?;
         let limits = self.shared.limits.clone();
@@ -220,99 +218,5 @@ pub(crate) fn page_size(asked: u32, (most, default): (u32, u32)) -> Result<u32, 
         0 => Ok(default),
         n if n <= most => Ok(n),
         n => Err(Error::field("page_size", format!("found {n}, expected at most {most}"))),
-    }
-}
-
-/// The token after revision `revision` of a job.
-fn token(job: &str, revision: u64) -> String {
-    format!("watch-{job}-{revision}")
-}
-
-fn revision_of(token: &str, job: &Job) -> Result<u64, Error> {
-    let rest =
-        token.strip_prefix("watch-").and_then(|t| t.strip_prefix(job.id.as_str())).ok_or(Error::Token)?;
-    let revision = rest.strip_prefix('-').and_then(|t| t.parse().ok()).ok_or(Error::Token)?;
-    if revision <= job.revision { Ok(revision) } else { Err(Error::Token) }
-}
-
-/// Tells everything that happens to a job until it has ended. `from` is the last revision that the watcher has.
-async fn watch(
-    shared: &Shared,
-    job: Job,
-    from: Option<u64>,
-    outlet: &Outlet<JobEvent>,
-) -> Result<(), Closed> {
-    let id = job.id.clone();
-    let event =
-        |revision, event| JobEvent { revision, resume_token: token(&id, revision), event: Some(event) };
-    let mut feed = shared.feeds.get(&id).map(Listener::new);
-    let mut last = from.unwrap_or(job.revision);
-    let mut ended = job.state.is_final() && last >= job.revision;
-    if from.is_none() {
-        outlet.send(event(last, job_event::Event::Snapshot(convert::job(&job)))).await?;
-    }
-    loop {
-        let records = shared.state.records(&id, last, PAGE).await?;
-        for (revision, record) in &records {
-            last = *revision;
-            ended = matches!(record, crate::model::Record::Snapshot(job) if job.state.is_final());
-            outlet.send(event(last, convert::record(record))).await?;
-        }
-        if ended {
-            return Ok(());
-        }
-        if !records.is_empty() {
-            continue;
-        }
-        let Some(listener) = &mut feed else {
-            // It ended just now, or is about to be stored: look again.
-            tokio::time::sleep(Duration::from_millis(100)).await;
-            feed = shared.feeds.get(&id).map(Listener::new);
-            continue;
-        };
-        let news = tokio::select! {
-            news = listener.next() => news,
-            () = outlet.gone() => return Err(Closed::Gone),
-        };
-        match news {
-            News::Record => {}
-            News::Closed => feed = None,
-            News::Other(other) => outlet.send(event(last, other)).await?,
-        }
-    }
-}
-
-/// One watcher's ear.
-struct Listener {
-    revision: tokio::sync::watch::Receiver<u64>,
-    progress: tokio::sync::watch::Receiver<Option<crate::farm::feed::Progress>>,
-}
-
-enum News {
-    Record,
-    Closed,
-    Other(job_event::Event),
-}
-
-impl Listener {
-    fn new(feed: Arc<Feed>) -> Self {
-        let mut listener = Self { revision: feed.revision.subscribe(), progress: feed.progress.subscribe() };
-        // Whatever came before is read from the database at least once after this.
-        listener.revision.mark_changed();
-        listener
-    }
-
-    async fn next(&mut self) -> News {
-        let bookmark = job_event::Event::Bookmark(v1::Bookmark {});
-        tokio::select! {
-            biased;
-            changed = self.revision.changed() => if changed.is_ok() { News::Record } else { News::Closed },
-            changed = self.progress.changed() => match self.progress.borrow_and_update().as_ref() {
-                Some(progress) if changed.is_ok() => News::Other(job_event::Event::Progress(convert::progress(progress))),
-                _ if changed.is_err() => News::Closed,
-                _ => News::Record,
-            },
-            () = tokio::time::sleep(BOOKMARK) => News::Other(bookmark),
-        }
     }
 }

@@ -6,3 +6,4 @@ pub mod frames;
 pub mod jobs;
 mod outlet;
 pub mod previews;
+mod watch;

@@ -23,6 +23,7 @@ pub(crate) type Outflow<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send
 #[derive(Debug)]
 pub(crate) struct Outlet<T> {
     sender: mpsc::Sender<T>,
+    patience: Duration,
 }
 
 /// Why nothing more can be sent.
@@ -43,7 +44,7 @@ impl From<Error> for Closed {
 impl<T> Outlet<T> {
     /// Sends a message when the reader has room for it.
     pub(crate) async fn send(&self, message: T) -> Result<(), Closed> {
-        match timeout(PATIENCE, self.sender.send(message)).await {
+        match timeout(self.patience, self.sender.send(message)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(Closed::Gone),
             Err(_) => Err(Error::SlowConsumer.into()),
@@ -57,8 +58,17 @@ impl<T> Outlet<T> {
 }
 
 /// A stream that `produce` fills. It ends with OK when `produce` ends well, else with its error; also when the
-/// server ends.
+/// server ends, or when the reader takes nothing for 30 s.
 pub(crate) fn stream<T, F, P>(ending: &CancellationToken, produce: P) -> Outflow<T>
+where
+    T: Send + 'static,
+    F: Future<Output = Result<(), Closed>> + Send,
+    P: FnOnce(Outlet<T>) -> F + Send + 'static,
+{
+    stream_with(ending, PATIENCE, produce)
+}
+
+fn stream_with<T, F, P>(ending: &CancellationToken, patience: Duration, produce: P) -> Outflow<T>
 where
     T: Send + 'static,
     F: Future<Output = Result<(), Closed>> + Send,
@@ -68,7 +78,7 @@ where
     let ending = ending.clone();
     let task = tokio::spawn(async move {
         tokio::select! {
-            result = produce(Outlet { sender }) => result,
+            result = produce(Outlet { sender, patience }) => result,
             () = ending.cancelled() => Err(Error::Unavailable("the server is ending: connect again").into()),
         }
     });
@@ -86,21 +96,23 @@ where
 
 #[cfg(test)]
 mod tests {
-    use super::stream;
+    use super::{stream, stream_with};
     use crate::error::Error;
     use futures::StreamExt;
+    use std::time::Duration;
     use tokio_util::sync::CancellationToken;
     use tonic::Code;
 
-    #[tokio::test(start_paused = true)]
+    #[tokio::test]
     async fn a_reader_that_stops_reading_gets_what_was_sent_and_an_error() {
-        let mut stream = stream(&CancellationToken::new(), |outlet| async move {
+        let patience = Duration::from_millis(20);
+        let mut stream = stream_with(&CancellationToken::new(), patience, |outlet| async move {
             for i in 0..100 {
                 outlet.send(i).await?;
             }
             Ok(())
         });
-        tokio::time::sleep(std::time::Duration::from_secs(31)).await;
+        tokio::time::sleep(patience * 10).await;
         let mut received = 0;
         let error = loop {
             match stream.next().await.unwrap() {

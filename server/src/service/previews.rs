@@ -45,6 +45,7 @@ impl Previews for PreviewsService {
         let layer = check(&request)?;
         let shared = Arc::clone(&self.shared);
         let wanted = (!request.frames.is_empty()).then(|| request.frames.iter().copied().collect());
+        shared.state.job(&request.job).await?;
         // Attached before the look at what exists: what changes meanwhile is marked.
         let viewer = shared.hub.attach(&request.job, wanted.clone());
         let job = shared.state.job(&request.job).await?;

@@ -1,7 +1,7 @@
 //! Owns what must survive, in SQL: the only module with statements.
 //!
-//! SQLite in WAL mode with full syncs: what a call here has answered survives a power cut.
-//! One connection writes (transactions never wait for each other inside SQLite), four read.
+//! `SQLite` in WAL mode with full syncs: what a call here has answered survives a power cut.
+//! One connection writes (transactions never wait for each other inside `SQLite`), four read.
 //! Times, digests and states are plain text and integers, so that the statements hold for Postgres as well.
 
 mod read;

@@ -48,7 +48,7 @@ impl State {
     /// A failing database.
     pub async fn jobs(&self, states: &[JobState], before: i64, limit: u32) -> Result<Vec<(i64, Job)>, Error> {
         // A fixed statement for any set of states: the set travels as text, each name between commas.
-        let names: String = states.iter().map(|s| format!(",{},", name_of(s))).collect();
+        let names = states.iter().map(name_of).fold(String::new(), |names, name| names + "," + &name + ",");
         let rows = sqlx::query(
             "SELECT number, job FROM jobs \
              WHERE number < $1 AND ($2 = '' OR $2 LIKE '%,' || state || ',%') ORDER BY number DESC LIMIT $3",

@@ -137,9 +137,9 @@ impl State {
     }
 }
 
-fn known_request(id: &str, body: &Digest, known: String, job: String) -> Result<Submitted, Error> {
+fn known_request(id: &str, body: &Digest, known: &str, job: &str) -> Result<Submitted, Error> {
     if known == body.to_string() {
-        Ok(Submitted::Known(Box::new(from_json(&job)?)))
+        Ok(Submitted::Known(Box::new(from_json(job)?)))
     } else {
         Err(Error::RequestIdReused(id.to_owned()))
     }

@@ -1,0 +1,173 @@
+//! The `karst` program from outside: help texts, error texts, exit codes, comparing pictures.
+
+#![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use karst_core::encode::{Layers, write_exr};
+use serde_json::Value;
+
+const COMMANDS: [&str; 8] = ["render", "check", "compare", "submit", "watch", "fetch", "jobs", "cancel"];
+
+fn karst(line: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_karst"))
+        .args(line)
+        .env_remove("KARST_SERVER")
+        .env("NO_COLOR", "1")
+        .output()
+        .expect("karst starts")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn help_of(command: Option<&str>) -> (PathBuf, String) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/help");
+    let output = karst(&[command.as_slice(), &["--help"]].concat());
+    assert_eq!(output.status.code(), Some(0));
+    let text = String::from_utf8(output.stdout).expect("help is text");
+    (folder.join(format!("{}.txt", command.unwrap_or("karst"))), text)
+}
+
+fn all_help() -> Vec<(PathBuf, String)> {
+    std::iter::once(None).chain(COMMANDS.map(Some)).map(help_of).collect()
+}
+
+#[test]
+fn help_is_what_was_agreed() {
+    for (path, text) in all_help() {
+        let agreed = std::fs::read_to_string(&path).unwrap_or_default();
+        assert_eq!(
+            text,
+            agreed,
+            "{} differs; accept with `cargo test --release -p karst-client --test cli accept -- --ignored`",
+            path.display()
+        );
+    }
+}
+
+#[test]
+#[ignore = "writes the agreed help texts"]
+fn accept() {
+    for (path, text) in all_help() {
+        std::fs::write(path, text).unwrap();
+    }
+}
+
+/// A little EXR of `width` x 2 pixels with these colours.
+fn exr(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3]) {
+    let count = width as usize * 2;
+    let pixels: Vec<_> = (0..count).map(|index| color(index).into()).collect();
+    let layers = Layers {
+        full: (width, 2),
+        window: (0, 0, width, 2),
+        color: &pixels,
+        albedo: None,
+        normal: None,
+        depth: None,
+        samples: None,
+        error: None,
+        denoised: None,
+    };
+    std::fs::write(path, write_exr(&layers, &Value::Null).unwrap()).unwrap();
+}
+
+struct Pair {
+    _folder: tempfile::TempDir,
+    a: String,
+    b: String,
+    diff: PathBuf,
+}
+
+fn pair(a: impl Fn(usize) -> [f32; 3], b: impl Fn(usize) -> [f32; 3]) -> Pair {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    exr(&at("a.exr"), 4, a);
+    exr(&at("b.exr"), 4, b);
+    let text = |name: &str| at(name).display().to_string();
+    Pair { a: text("a.exr"), b: text("b.exr"), diff: at("d.png"), _folder: folder }
+}
+
+fn compared(line: &[&str]) -> Value {
+    let output = karst(&[&["compare", "--json"], line].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    serde_json::from_slice(&output.stdout).expect("one JSON object")
+}
+
+#[test]
+fn equal_pictures_compare_as_identical() {
+    let gradient = |index: usize| [index as f32, 1.0, 0.5];
+    let files = pair(gradient, gradient);
+    let found = compared(&[&files.a, &files.b]);
+    assert_eq!(found["identical"], true);
+    assert_eq!((&found["mse"], &found["width"], &found["height"]), (&0.0.into(), &4.into(), &2.into()));
+    assert_eq!(found["sha256_a"], found["sha256_b"]);
+    assert_eq!(found["flip_mean"], Value::Null);
+}
+
+#[test]
+fn a_brighter_picture_is_measured() {
+    let files = pair(|_| [1.1, 1.1, 1.1], |_| [1.0, 1.0, 1.0]);
+    let diff = files.diff.display().to_string();
+    let found = compared(&[&files.a, &files.b, "--reference-error", "0.05", "--diff", &diff]);
+    let number = |name: &str| found[name].as_f64().unwrap();
+    assert_eq!(found["identical"], false);
+    assert!((number("mse") - 0.01).abs() < 1e-7);
+    assert!((number("rel_mse") - 0.01 / 1.01).abs() < 1e-7);
+    assert!((number("rel_mse_corrected") - (0.01 / 1.01 - 0.0025)).abs() < 1e-7);
+    assert!((number("mean_rel_diff") - 0.1).abs() < 1e-6);
+    assert!(std::fs::read(&files.diff).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn pictures_of_other_sizes_cannot_be_compared() {
+    let files = pair(|_| [1.0; 3], |_| [1.0; 3]);
+    exr(Path::new(&files.b), 5, |_| [1.0; 3]);
+    let output = karst(&["compare", &files.a, &files.b]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("a.exr is 4x2") && stderr(&output).contains("b.exr is 5x2"));
+}
+
+#[test]
+fn a_file_that_is_no_picture_is_bad_input() {
+    let files = pair(|_| [1.0; 3], |_| [1.0; 3]);
+    std::fs::write(&files.b, "not a picture").unwrap();
+    let output = karst(&["compare", &files.a, &files.b]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).starts_with("error: ") && stderr(&output).contains("b.exr"));
+    assert_eq!(karst(&["compare", &files.a, &files.b, "--layer", "Nope"]).status.code(), Some(2));
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let output = karst(&["check", "/nowhere/scene.json"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).starts_with("error: /nowhere/scene.json: "), "{}", stderr(&output));
+}
+
+#[test]
+fn nobody_listening_comes_with_a_hint() {
+    let output = karst(&["jobs", "--server", "http://127.0.0.1:1"]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = stderr(&output);
+    assert!(text.starts_with("error: cannot reach http://127.0.0.1:1: connection refused"), "{text}");
+    assert!(text.contains("\n  hint: start a server with `karst-server serve`"), "{text}");
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn a_senseless_server_address_is_bad_input() {
+    for address in ["127.0.0.1:7878", "ftp://a", "http://", "x y"] {
+        let output = karst(&["jobs", "--server", address]);
+        assert_eq!(output.status.code(), Some(2), "{address}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn outputs_must_be_pictures() {
+    let output = karst(&["render", "scene.json", "-o", "out.jpg"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(stderr(&output), "error: --output out.jpg: expected a name in .exr or .png\n");
+}

@@ -1,0 +1,178 @@
+//! Owns the way of a frame through the farm: made ready, begun, rendered round by round, finished.
+
+use std::sync::Arc;
+
+use karst_core::film::{FrameSummary, Round};
+use karst_core::render::next_round;
+use karst_core::scene::Scene;
+use tokio::task::spawn_blocking;
+
+use crate::clock;
+use crate::error::Error;
+use crate::farm::finish::finish;
+use crate::farm::jobs::{Rendering, Stage};
+use crate::farm::ledger::NewFilm;
+use crate::farm::live::LiveFrame;
+use crate::farm::prepare::{self, Context, Opened};
+use crate::farm::queue::Task;
+use crate::farm::{Event, Farm, Plan, Shared};
+use crate::job::Event as JobEvent;
+use crate::model::{FrameState, RoundReport, Statistics};
+use crate::spec::JobSpec;
+
+/// Frames that are rendered, finished or made ready at the same time: bounds the memory for films and scenes.
+const MAX_LIVE_FRAMES: usize = 4;
+
+impl Farm {
+    /// Keeps the workers busy: begins frames that are ready, and makes the next one ready.
+    pub(super) async fn fill(&mut self) {
+        while self.queue.len() < self.low
+            && let Some((number, frame)) = self.jobs.first_ready()
+        {
+            self.begin(number, frame).await;
+        }
+        if self.jobs.live_frames() < MAX_LIVE_FRAMES
+            && let Some((job, frame)) = self.jobs.next_to_open()
+        {
+            let (shared, events) = (Arc::clone(&self.shared), self.events.clone());
+            let (number, id) = (job.number, Arc::clone(&job.id));
+            let (context, scene) = (job.context.clone(), job.take_first(frame));
+            let spec = job.run.job.spec.clone();
+            tokio::spawn(async move {
+                let opened = open(&shared, (number, id, frame), (context, scene), spec).await;
+                let _ = events.send(Event::Opened(number, frame, Box::new(opened)));
+            });
+        }
+    }
+
+    /// Begins a frame that is ready, or goes on with it.
+    async fn begin(&mut self, number: i64, frame: i32) {
+        let Some((live, state, opened_round)) = self.jobs.begin(number, frame) else { return };
+        self.shared.live.insert(Arc::clone(&live));
+        let tiles: Vec<u32> = (0..live.grid.tile_count()).collect();
+        self.shared.hub.publish(&live.job, frame, &tiles);
+        let mut events = Vec::new();
+        if state == FrameState::Pending {
+            events.push(JobEvent::FrameBegan(frame, clock::now()));
+        }
+        if opened_round.is_none() && state != FrameState::Finishing {
+            events.push(JobEvent::FrameRendered(frame));
+        }
+        self.step(number, events, None, None).await;
+        match opened_round {
+            Some(round) => self.begin_round(live, &round),
+            None => self.finish(live),
+        }
+    }
+
+    /// Opens the tasks of a round that are not merged already.
+    fn begin_round(&mut self, frame: Arc<LiveFrame>, round: &Arc<Round>) {
+        let merged: Vec<u32> = frame.merged().rounds.clone();
+        let open: Vec<u32> = (0..frame.grid.tile_count())
+            .filter(|&tile| merged[tile as usize] <= round.index && !round.tile_is_empty(&frame.grid, tile))
+            .collect();
+        frame.begin_round(open.len() as u32);
+        self.jobs.begin_round(&frame, round, open.len() as u32);
+        if open.is_empty() {
+            self.plan(frame);
+            return;
+        }
+        self.queue.push(open.into_iter().map(|tile| Task {
+            frame: Arc::clone(&frame),
+            round: Arc::clone(round),
+            tile,
+        }));
+    }
+
+    /// All results of a round are merged: evaluates it.
+    pub(super) fn plan(&self, frame: Arc<LiveFrame>) {
+        let Some(done) = self.jobs.round_of(&frame).map(|round| round + 1) else { return };
+        let events = self.events.clone();
+        spawn_blocking(move || {
+            let plan = {
+                let merged = frame.merged();
+                Plan {
+                    summary: merged.film.summary(),
+                    next: next_round(frame.scene.sampling(), &frame.grid, &merged.film, done),
+                    film: merged.film.to_bytes().into(),
+                }
+            };
+            let _ = events.send(Event::Planned(frame, Box::new(plan)));
+        });
+    }
+
+    pub(super) async fn planned(&mut self, frame: Arc<LiveFrame>, plan: Plan) {
+        let Some(Rendering { round, seconds, .. }) = self.jobs.finish_round(&frame, &plan.summary) else {
+            return;
+        };
+        let out_of_time = frame.scene.sampling().time_limit.is_some_and(|limit| seconds >= limit);
+        let next = plan.next.filter(|_| !out_of_time);
+        let report = report(round, seconds, &plan.summary);
+        let mut events = vec![JobEvent::RoundFinished(frame.frame, report)];
+        if next.is_none() {
+            events.push(JobEvent::FrameRendered(frame.frame));
+        }
+        let film = NewFilm { frame: Arc::clone(&frame), rounds: round + 1, bytes: plan.film };
+        self.step(frame.number, events, Some(film), None).await;
+        match next {
+            Some(next) => self.begin_round(frame, &Arc::new(next)),
+            None => self.finish(frame),
+        }
+    }
+
+    fn finish(&mut self, frame: Arc<LiveFrame>) {
+        frame.merged().complete = true;
+        let tiles: Vec<u32> = (0..frame.grid.tile_count()).collect();
+        self.shared.hub.publish(&frame.job, frame.frame, &tiles);
+        let Some(job) = self.jobs.get_mut(frame.number) else { return };
+        job.stages.insert(frame.frame, Stage::Finishing(Arc::clone(&frame)));
+        let denoise = job.run.job.spec.denoise;
+        let (blobs, events) = (self.shared.blobs.clone(), self.events.clone());
+        let finishing = Arc::clone(&self.finishing);
+        tokio::spawn(async move {
+            let _turn = finishing.acquire().await;
+            let finished = finish(Arc::clone(&frame), denoise, &blobs).await;
+            let _ = events.send(Event::Finished(frame, finished));
+        });
+    }
+}
+
+async fn open(
+    shared: &Shared,
+    place: (i64, Arc<str>, i32),
+    known: (Option<Arc<Context>>, Option<Arc<Scene>>),
+    spec: JobSpec,
+) -> Result<(Arc<Context>, Opened), Error> {
+    let (context, scene) = known;
+    let tile_size = spec.tile_size;
+    let context = match context {
+        Some(context) => context,
+        None => Arc::new(prepare::load(&shared.blobs, &shared.limits, spec).await?),
+    };
+    let scene = if let Some(scene) = scene {
+        scene
+    } else {
+        let (context, limits, frame) = (Arc::clone(&context), shared.limits.clone(), place.2);
+        Arc::new(spawn_blocking(move || prepare::build(&context, &limits, frame)).await??)
+    };
+    let opened = prepare::open(place, scene, tile_size, (&shared.state, &shared.blobs)).await?;
+    Ok((context, opened))
+}
+
+fn report(round: u32, seconds: f64, summary: &FrameSummary) -> RoundReport {
+    let counters = summary.counters;
+    RoundReport {
+        round,
+        spp: summary.spp_mean,
+        rel_mse: summary.rel_mse,
+        rel_mse_ci95: summary.rel_mse_ci95,
+        seconds,
+        statistics: Statistics {
+            samples: summary.samples,
+            rays: counters.rays,
+            shadow_rays: counters.shadow_rays,
+            nonfinite: counters.nan_samples + counters.infinite_samples,
+            exhausted: counters.exhausted_rays,
+        },
+    }
+}
