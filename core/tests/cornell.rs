@@ -29,7 +29,6 @@ const CORNELL: &str = r#"{"version": 1,
         "largebox": {"mesh": "largebox", "material": "white"}}}"#;
 
 #[test]
-#[expect(clippy::disallowed_methods, reason = "the place of foreign scenes is told by the environment")]
 fn the_cornell_box_agrees_with_another_renderer() {
     let Some(folder) = std::env::var_os("KARST_SCENES").map(|f| {
         // Tests run in the folder of their crate; the variable is relative to the workspace.

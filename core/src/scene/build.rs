@@ -73,8 +73,8 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn problem(&mut self, path: &str, message: impl ToString) {
-        self.problems.push(problem(self.description, path, message.to_string()));
+    fn problem(&mut self, path: &str, message: &str) {
+        self.problems.push(problem(self.description, path, message.to_owned()));
     }
 
     fn transform(&mut self, path: &str, to_world: DAffine3) -> Option<Transform> {
@@ -110,7 +110,7 @@ impl Builder<'_> {
             ColorTexture::Image { file, color_space } => {
                 let image = self.assets.image(file);
                 if image.is_none() {
-                    self.problem(path, format!("the image {file} has not been loaded"));
+                    self.problem(path, &format!("the image {file} has not been loaded"));
                 }
                 image.map(|image| Color::Image(image, *color_space))
             }
@@ -133,7 +133,7 @@ impl Builder<'_> {
             let path = format!("instances.{name}");
             let file = description.meshes.get(&instance.mesh).map_or("", |m| m.file.as_str());
             let Some(mesh) = self.assets.mesh(file) else {
-                self.problem(&path, format!("the mesh {file} has not been loaded"));
+                self.problem(&path, &format!("the mesh {file} has not been loaded"));
                 continue;
             };
             let Some(transform) = self.transform(&path, instance.transform) else { continue };
@@ -174,7 +174,7 @@ impl Builder<'_> {
                 (Ok(sdf), Some(transform)) => {
                     self.add(Shape::Sdf { sdf: Box::new(sdf), transform }, &object.material, false, None);
                 }
-                (Err(error), _) => self.problem(&path, error),
+                (Err(error), _) => self.problem(&path, &error.to_string()),
                 (Ok(_), None) => {}
             }
         }

@@ -142,7 +142,7 @@ fn to_local(ray: &Ray, transform: &Transform) -> Ray {
     Ray { o: transform.local_point(ray.o), d: transform.local_vector(ray.d), t_max: ray.t_max }
 }
 
-/// The smallest root in (0, t_max], in double precision: the discriminant comes from the distance of the centre to
+/// The smallest root in (0, `t_max`], in double precision: the discriminant comes from the distance of the centre to
 /// the ray, which does not cancel (Haines et al. 2019, Ray Tracing Gems chapter 7).
 fn intersect_sphere(ray: &Ray, center: Vec3, radius: f32) -> Option<f32> {
     let (d, f) = (ray.d.as_dvec3(), ray.o.as_dvec3() - center.as_dvec3());

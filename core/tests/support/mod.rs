@@ -19,7 +19,7 @@ impl FrameObserver for Nobody {}
 pub(crate) fn scene_in(folder: &Path, text: &str, frame: i32) -> Scene {
     let limits = Limits::default();
     let document = Document::parse(text, "test.json", &limits).unwrap_or_else(|p| panic!("{p}"));
-    let source = Folder::new(folder).unwrap();
+    let source = Folder::new(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
     let assets = Assets::load(&document, &source, &limits).unwrap_or_else(|p| panic!("{p}"));
     let description = document.at(frame).unwrap_or_else(|p| panic!("{p}"));
     Scene::build(&description, &assets, frame).unwrap_or_else(|p| panic!("{p}"))
@@ -32,8 +32,9 @@ pub(crate) fn scene(text: &str) -> Scene {
 
 /// Renders with a number of threads.
 pub(crate) fn render(scene: &Scene, tile_size: u32, threads: usize) -> Film {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| render_frame(scene, tile_size, &AtomicBool::new(false), &Nobody)).unwrap()
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap_or_else(|e| panic!("{e}"));
+    pool.install(|| render_frame(scene, tile_size, &AtomicBool::new(false), &Nobody))
+        .unwrap_or_else(|| panic!("nobody stops it"))
 }
 
 /// The SHA-256 of all layers' bits.
@@ -47,7 +48,7 @@ pub(crate) fn fingerprint(picture: &Picture) -> String {
     for v in picture.depth.iter().chain(&picture.samples).chain(&picture.error) {
         hash.update(v.to_le_bytes());
     }
-    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    format!("{:x?}", hash.finalize())
 }
 
 /// Mean over pixels and channels, and its standard error from the difference of the replicates.
