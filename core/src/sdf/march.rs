@@ -162,17 +162,18 @@ impl March<'_> {
         for _ in 0..resolved.max_steps {
             let least = self.least_step(here.at);
             step = step.min(resolved.step_clamp).max(least);
+            // Decided on the step as planned: its end is rounded.
+            let (relaxed, deliberate) = (step > here.value.max(least), step <= least);
             let next = (here.at + step).min(length);
-            step = next - here.at;
             let there = End { at: next, value: self.value(next) };
             let free = here.value + there.value.abs();
-            let proven = step <= free * (1.0 + 8.0 * ROUNDOFF) + 4.0 * self.noise(next);
-            if !proven && step > least * 1.001 && step > here.value {
+            let overlap = next - here.at <= free * (1.0 + 8.0 * ROUNDOFF) + 4.0 * self.noise(next);
+            if relaxed && !overlap {
                 (slope, step) = (-1.0, here.value * caution);
                 continue;
             }
             if there.value <= 0.0 {
-                if fractal && step > least * 1.001 {
+                if fractal && !deliberate {
                     self.stats.overshoots += 1;
                     caution = 0.25;
                     (slope, step) = (-1.0, 0.25 * step);
