@@ -123,8 +123,9 @@ impl Object {
             Shape::Mesh { mesh, transform } => mesh_surface(&mesh.mesh, transform, hit),
             Shape::Sphere { center, radius } => sphere_surface(*center, *radius, ray.at(hit.t), hit),
             Shape::Sdf { sdf, transform } => {
-                let p = to_local(ray, transform).at(hit.t);
-                let n = transform.normal(sdf.normal(p, spread * hit.t));
+                let local = to_local(ray, transform);
+                let p = local.at(hit.t);
+                let n = transform.normal(sdf.normal(p, spread * hit.t * local.d.length()));
                 let world = transform.point(p);
                 let error = even_error(transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2));
                 Surface { p: world, error, ng: n, ns: n, uv: Vec2::ZERO, object: hit.object }

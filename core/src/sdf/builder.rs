@@ -37,7 +37,7 @@ enum Node {
 /// let cube = tree.transform(cube, Vec3::X, Mat3::IDENTITY, 1.0);
 /// let both = tree.smooth_union(&[ball, cube], 0.25);
 /// let tape = tree.finish(both)?;
-/// assert_eq!(tape.distance(Point::splat(Vec3::new(0.0, 3.0, 0.0))), 2.0_f32);
+/// assert_eq!(tape.distance::<f32>(Point::splat(Vec3::new(0.0, 3.0, 0.0))), 2.0);
 /// # Ok::<(), karst_core::sdf::SdfError>(())
 /// ```
 #[derive(Debug, Default)]
