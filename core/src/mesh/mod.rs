@@ -58,10 +58,7 @@ fn check_count(triangles: u64, left: u64) -> Result<(), MeshError> {
     if triangles <= left {
         return Ok(());
     }
-    Err(MeshError::new(
-        "file",
-        format!("has {triangles} triangles, {left} are left of the limit for all meshes"),
-    ))
+    Err(MeshError(format!("has {triangles} triangles, {left} are left of the limit for all meshes")))
 }
 
 /// Refuses numbers that are not finite and indices beyond the vertices.
