@@ -27,14 +27,17 @@ const FIXED: &str = r#"{"spp": 18, "seed": 5}"#;
 const ADAPTIVE: &str = r#"{"target_error": 0.12, "min_spp": 8, "max_spp": 64, "seed": 5}"#;
 
 #[test]
-fn tile_size_and_threads_change_no_bit() {
-    for sampling in [FIXED, ADAPTIVE] {
-        let scene = scene(&text(sampling, ""));
-        let want = fingerprint(&render(&scene, 16, 1).picture());
-        for (tile_size, threads) in [(16, 2), (32, 3), (64, 1), (96, 2), (96, 8), (1000, 3)] {
-            let got = fingerprint(&render(&scene, tile_size, threads).picture());
-            assert_eq!(got, want, "{sampling} tile size {tile_size}, {threads} threads");
-        }
+fn tile_size_threads_and_repetition_change_no_bit() {
+    let (fixed, adaptive) = (scene(&text(FIXED, "")), scene(&text(ADAPTIVE, "")));
+    let want = [&fixed, &adaptive].map(|s| fingerprint(&render(s, 16, 1).picture()));
+    let matrix = [16, 32, 64, 96].into_iter().flat_map(|size| [1, 2, 3].map(|threads| (size, threads)));
+    for (tile_size, threads) in matrix.flat_map(|case| [case; 2]) {
+        let got = fingerprint(&render(&fixed, tile_size, threads).picture());
+        assert_eq!(got, want[0], "tile size {tile_size}, {threads} threads");
+    }
+    for (tile_size, threads) in [(32, 3), (96, 2), (96, 8), (1000, 3)] {
+        let got = fingerprint(&render(&adaptive, tile_size, threads).picture());
+        assert_eq!(got, want[1], "adaptive, tile size {tile_size}, {threads} threads");
     }
 }
 

@@ -46,8 +46,7 @@ pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
         let path = paths.active[at] as usize;
         let ray = paths.rays[path];
         let Some(hit) = paths.hits[path] else {
-            for (light, radiance) in scene.environment() {
-                let pdf = crate::warp::sphere_uniform_pdf();
+            for (light, radiance, pdf) in scene.environment() {
                 let weight = scattered_weight(scene, paths, path, light, pdf);
                 paths.radiance[path] += paths.beta[path] * radiance * weight;
             }

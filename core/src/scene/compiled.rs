@@ -113,11 +113,11 @@ impl Scene {
         &self.lights
     }
 
-    /// The lights at infinity, by number, with their radiance along a direction.
-    pub fn environment(&self) -> impl Iterator<Item = (usize, Vec3)> {
-        self.environments.iter().map(|&i| match &self.lights.all()[i as usize] {
-            Light::Environment(e) => (i as usize, e.radiance),
-            Light::Mesh(_) | Light::Sphere(_) => (i as usize, Vec3::ZERO),
+    /// The lights at infinity: number, radiance, and the density per solid angle of having sampled a direction.
+    pub fn environment(&self) -> impl Iterator<Item = (usize, Vec3, f32)> {
+        self.environments.iter().filter_map(|&i| match &self.lights.all()[i as usize] {
+            Light::Environment(e) => Some((i as usize, e.radiance, e.pdf())),
+            Light::Mesh(_) | Light::Sphere(_) => None,
         })
     }
 
