@@ -175,7 +175,7 @@ pub(super) fn check_plane(
     }
 }
 
-/// JSON in ASCII: EXR text is bytes, so everything beyond ASCII is written as `\uXXXX`.
+/// JSON in ASCII: EXR text is bytes, so everything beyond ASCII is written as an escape of four hex digits.
 fn ascii_json(value: &serde_json::Value) -> Result<String, EncodeError> {
     use std::fmt::Write as _;
 
