@@ -6,12 +6,13 @@ use std::{env, fs};
 
 use prost::Message;
 
-const FILES: [&str; 5] = [
+const FILES: [&str; 6] = [
     "karst/v1/assets.proto",
     "karst/v1/common.proto",
     "karst/v1/frames.proto",
     "karst/v1/jobs.proto",
     "karst/v1/previews.proto",
+    "karst/v1/workers.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

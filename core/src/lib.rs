@@ -20,6 +20,10 @@
 //! | [`render`] | rounds, tiles, frames |
 //! | [`encode`] | EXR and PNG |
 
+/// Names this build of the core: equal names mean equal bits for the same scene. Version, then a hash over sources,
+/// locked dependencies, compiler and instruction sets.
+pub const BUILD: &str = env!("KARST_CORE_BUILD");
+
 pub mod cpu;
 
 pub mod color;

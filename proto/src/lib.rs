@@ -26,6 +26,9 @@ pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "
 /// Most bytes of one message, in both directions.
 pub const MAX_MESSAGE_BYTES: usize = 1 << 20;
 
+/// Most bytes of one message of `Workers.UpdateWorkerSession`, which carries results.
+pub const MAX_WORKER_MESSAGE_BYTES: usize = 4 << 20;
+
 /// Most bytes of one chunk of an upload or a download.
 pub const MAX_CHUNK_BYTES: usize = 256 << 10;
 

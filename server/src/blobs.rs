@@ -28,6 +28,8 @@ pub enum Kind {
     Film,
     /// Files of finished frames.
     Frame,
+    /// Results of one task that differ: kept for whoever looks for the fault.
+    Dispute,
 }
 
 impl Kind {
@@ -37,6 +39,7 @@ impl Kind {
             Self::Pack => "packs",
             Self::Film => "films",
             Self::Frame => "frames",
+            Self::Dispute => "disputes",
         }
     }
 

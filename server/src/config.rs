@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 
@@ -17,8 +18,10 @@ pub struct Cli {
 /// What the program can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Takes jobs over gRPC and renders them with workers inside this process.
+    /// Takes jobs over gRPC and renders them with threads of this process and with workers that join.
     Serve(Serve),
+    /// Renders tasks of a server: a worker. It needs no port of its own.
+    Work(Work),
 }
 
 /// Options of `serve`.
@@ -30,9 +33,13 @@ pub struct Serve {
     /// Folder for jobs, assets and finished frames; made if it is not there.
     #[arg(long, env = "KARST_DATA", default_value = "karst-data")]
     pub data: PathBuf,
-    /// Threads that render; by default one per processor.
-    #[arg(long, env = "KARST_WORKERS", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    /// Threads that render here; by default one per processor, 0 leaves it to workers that join.
+    #[arg(long, env = "KARST_WORKERS", value_parser = clap::value_parser!(u32).range(0..=1024))]
     pub workers: Option<u32>,
+    /// Seconds after which the tasks of a worker that was not heard of go to others.
+    #[arg(long, env = "KARST_LEASE", default_value_t = 30, value_name = "SECONDS",
+          value_parser = clap::value_parser!(u32).range(1..=3600))]
+    pub lease: u32,
     /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
     #[arg(long, env = "KARST_LOG", default_value = "info")]
     pub log: String,
@@ -42,8 +49,85 @@ impl Serve {
     /// What the library needs to know.
     pub fn config(&self) -> Config {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        Config { data: self.data.clone(), workers: self.workers.map_or(processors, |n| n as usize) }
+        Config {
+            data: self.data.clone(),
+            workers: self.workers.map_or(processors, |n| n as usize),
+            lease: Duration::from_secs(self.lease.into()),
+        }
     }
+}
+
+/// Options of `work`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Work {
+    /// The server, such as http://127.0.0.1:7878.
+    #[arg(long, env = "KARST_SERVER", default_value = "http://127.0.0.1:7878", value_name = "URL")]
+    pub server: String,
+    /// Threads that render; by default one per processor.
+    #[arg(long, env = "KARST_THREADS", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: Option<u32>,
+    /// Folder for fetched scenes and their files; several workers may share it.
+    #[arg(long, env = "KARST_CACHE", value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Bytes that the cache may take; what was not used for longest goes first.
+    #[arg(long, env = "KARST_CACHE_BYTES", default_value_t = 10 << 30, value_name = "BYTES")]
+    pub cache_bytes: u64,
+    /// Seconds to end in after SIGTERM: tiles that take longer are given up and rendered elsewhere.
+    #[arg(long, env = "KARST_GRACE", default_value_t = 30, value_name = "SECONDS")]
+    pub grace: u32,
+    /// Seconds to look for a server that is away before giving up; 0 looks for ever.
+    #[arg(long, env = "KARST_PATIENCE", default_value_t = 0, value_name = "SECONDS")]
+    pub patience: u32,
+    /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
+    #[arg(long, env = "KARST_LOG", default_value = "info")]
+    pub log: String,
+}
+
+impl Work {
+    /// What the library needs to know.
+    pub fn config(&self) -> WorkConfig {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        let seconds = |n: u32| Duration::from_secs(n.into());
+        WorkConfig {
+            server: self.server.clone(),
+            threads: self.threads.map_or(processors, |n| n as usize),
+            cache: self.cache.clone().unwrap_or_else(default_cache),
+            cache_bytes: self.cache_bytes,
+            grace: seconds(self.grace),
+            patience: (self.patience > 0).then(|| seconds(self.patience)),
+            host: host(),
+        }
+    }
+}
+
+/// What [`crate::work::work`] needs to know.
+#[derive(Debug, Clone)]
+pub struct WorkConfig {
+    /// The server's address.
+    pub server: String,
+    /// Threads that render, from 1.
+    pub threads: usize,
+    /// Folder for fetched bytes.
+    pub cache: PathBuf,
+    /// Bytes that it may take.
+    pub cache_bytes: u64,
+    /// How long ending may take.
+    pub grace: Duration,
+    /// How long to look for a server that is away; `None` for ever.
+    pub patience: Option<Duration>,
+    /// What this machine is called.
+    pub host: String,
+}
+
+fn default_cache() -> PathBuf {
+    let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache"));
+    let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from).or_else(home);
+    base.unwrap_or_else(std::env::temp_dir).join("karst")
+}
+
+fn host() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    if name.trim().is_empty() { "worker".to_owned() } else { name.trim().to_owned() }
 }
 
 /// What [`crate::serve`] needs to know.
@@ -51,8 +135,10 @@ impl Serve {
 pub struct Config {
     /// Folder for everything that must survive.
     pub data: PathBuf,
-    /// Threads that render, from 1.
+    /// Threads that render here.
     pub workers: usize,
+    /// A worker that is not heard of for so long is lost.
+    pub lease: Duration,
 }
 
 fn loopback(text: &str) -> Result<SocketAddr, String> {
@@ -78,8 +164,14 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
-        let Command::Serve(serve) = Cli::parse_from(["karst-server", "serve", "--workers", "3"]).command;
-        assert_eq!(serve.config().workers, 3);
+        let Command::Serve(serve) = Cli::parse_from(["karst-server", "serve", "--workers", "0"]).command else {
+            panic!("serve");
+        };
+        assert_eq!((serve.config().workers, serve.config().lease.as_secs()), (0, 30));
+        let Command::Work(work) = Cli::parse_from(["karst-server", "work", "--threads", "3"]).command else {
+            panic!("work");
+        };
+        assert_eq!((work.config().threads, work.config().patience), (3, None));
     }
 
     #[test]

@@ -81,6 +81,23 @@ pub enum Error {
     /// A blob that must be there is not.
     #[error("blob {0} is gone from the data folder")]
     Gone(Digest),
+    /// No blob with this digest.
+    #[error("no blob {0} here: upload it first")]
+    BlobNotFound(Digest),
+    /// A worker was built from another core.
+    #[error("this server takes results of core {server}, found {worker}: start the worker from the same build")]
+    BuildMismatch {
+        /// The build of this server's core.
+        server: &'static str,
+        /// The build of the worker's.
+        worker: String,
+    },
+    /// A worker's newer request was answered already.
+    #[error("a newer request of this worker was answered already")]
+    Superseded,
+    /// A worker's results were wrong.
+    #[error("this worker gets no work: {0}; check its machine, then start it anew")]
+    WorkerBlocked(String),
     /// The server is about to end, or has too much to do.
     #[error("{0}")]
     Unavailable(&'static str),
@@ -178,6 +195,15 @@ impl From<Error> for Status {
             Error::Denoiser(_) => plain(Code::FailedPrecondition, ErrorReason::DenoiserUnavailable),
             Error::SlowConsumer => plain(Code::ResourceExhausted, ErrorReason::SlowConsumer),
             Error::Corrupt(_) | Error::Gone(_) => plain(Code::DataLoss, ErrorReason::BlobCorrupt),
+            Error::BlobNotFound(_) => plain(Code::NotFound, ErrorReason::BlobNotFound),
+            Error::BuildMismatch { server, worker } => errors::status_with(
+                Code::FailedPrecondition,
+                ErrorReason::BuildMismatch,
+                &text,
+                &[("server_build", (*server).to_owned()), ("worker_build", worker.clone())],
+            ),
+            Error::Superseded => plain(Code::Aborted, ErrorReason::SessionSuperseded),
+            Error::WorkerBlocked(_) => plain(Code::PermissionDenied, ErrorReason::WorkerBlocked),
             Error::Unavailable(_) => errors::unavailable(&text, Duration::from_secs(2)),
             Error::Storage(_) | Error::Database(_) | Error::Internal(_) => {
                 tracing::error!("{text}");

@@ -1,4 +1,5 @@
-//! karst's job service: takes scenes over gRPC, renders their frames in this process, keeps and serves the results.
+//! karst's job service: takes scenes over gRPC, renders their frames in this process and in worker processes, keeps
+//! and serves the results.
 //!
 //! A tour, from the wire to the pixels:
 //!
@@ -12,6 +13,7 @@
 //! | [`blobs`] [`uploads`] [`digest`] | bytes by their SHA-256 |
 //! | [`farm`] | the event loop, the workers, the ledger that makes things durable |
 //! | [`preview`] | who watches pixels |
+//! | [`work`] | the other side: a process that renders tasks of a server |
 //!
 //! How a result comes to count: a worker renders a tile → the ledger stores its bytes (synced) → one transaction →
 //! merged into the film → watchers hear of it. A round's film replaces the results in it. So a `kill -9` at any
@@ -31,6 +33,7 @@ pub mod service;
 pub mod spec;
 pub mod state;
 pub mod uploads;
+pub mod work;
 
 use std::fs::{File, TryLockError};
 use std::path::Path;
@@ -43,7 +46,8 @@ use karst_proto::v1::assets_server::AssetsServer;
 use karst_proto::v1::frames_server::FramesServer;
 use karst_proto::v1::jobs_server::JobsServer;
 use karst_proto::v1::previews_server::PreviewsServer;
-use karst_proto::{FILE_DESCRIPTOR_SET, MAX_MESSAGE_BYTES};
+use karst_proto::v1::workers_server::WorkersServer;
+use karst_proto::{FILE_DESCRIPTOR_SET, MAX_MESSAGE_BYTES, MAX_WORKER_MESSAGE_BYTES};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::timeout;
@@ -54,6 +58,7 @@ use tonic::transport::server::{Router, TcpIncoming};
 use crate::blobs::{Blobs, Kind};
 use crate::config::Config;
 use crate::error::Error;
+use crate::farm::fleet::Fleet;
 use crate::farm::ledger::{self, Ledger};
 use crate::farm::queue::Queue;
 use crate::farm::worker::{self, Outlets};
@@ -62,6 +67,7 @@ use crate::service::assets::AssetsService;
 use crate::service::frames::FramesService;
 use crate::service::jobs::JobsService;
 use crate::service::previews::PreviewsService;
+use crate::service::workers::WorkersService;
 use crate::state::State;
 use crate::uploads::Uploads;
 
@@ -86,10 +92,11 @@ pub async fn serve(
 ) -> Result<(), Error> {
     std::fs::create_dir_all(&config.data)?;
     let _lock = lock(&config.data)?;
-    let shared = open(&config.data).await?;
+    let queue = Arc::new(Queue::default());
+    let shared = open(&config, &queue).await?;
     let uploads = Uploads::open(&config.data.join("uploads"), shared.blobs.clone())?;
-    let (events, machinery) = start(&shared, config.workers).await?;
-    let router = router(&shared, uploads, events).await?;
+    let (outlets, machinery) = start(&shared, &queue, config.workers).await?;
+    let router = router(&shared, uploads, outlets).await?;
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     ready();
     let ending = shared.ending.clone();
@@ -125,7 +132,8 @@ fn lock(data: &Path) -> Result<File, Error> {
 }
 
 /// Opens what survived, and takes away what a crash left behind.
-async fn open(data: &Path) -> Result<Arc<Shared>, Error> {
+async fn open(config: &Config, queue: &Arc<Queue>) -> Result<Arc<Shared>, Error> {
+    let data = &config.data;
     let state = State::open(&data.join("karst.db")).await?;
     let blobs = Blobs::open(&data.join("blobs"))?;
     let swept = blobs.sweep(Kind::Pack, &state.packs().await?).await?
@@ -133,7 +141,10 @@ async fn open(data: &Path) -> Result<Arc<Shared>, Error> {
     if swept > 0 {
         tracing::info!("deleted {swept} blobs that nothing refers to");
     }
+    let start = state.count_start().await?;
+    let fleet = Fleet::new(Arc::clone(queue), config.workers, config.lease, start, state.leases().await?);
     Ok(Arc::new(Shared {
+        fleet,
         state,
         blobs,
         limits: Limits::default(),
@@ -154,30 +165,26 @@ struct Machinery {
 /// Starts workers, ledger and farm, and gives them the jobs that are not finished.
 async fn start(
     shared: &Arc<Shared>,
+    queue: &Arc<Queue>,
     workers: usize,
-) -> Result<(mpsc::UnboundedSender<Event>, Machinery), Error> {
-    let queue = Arc::new(Queue::default());
+) -> Result<(Outlets, Machinery), Error> {
     let (events, received) = mpsc::unbounded_channel();
     let (entries, written) = ledger::channel();
     for job in shared.state.unfinished().await? {
         tracing::info!(job = %job.run.job.id, "goes on");
         let _ = events.send(Event::Submitted(Box::new(job), None));
     }
-    let outlets =
-        Outlets { queue: Arc::clone(&queue), ledger: entries.clone(), farm: events.clone(), low: workers };
+    let outlets = Outlets { queue: Arc::clone(queue), ledger: entries.downgrade(), farm: events.clone() };
     let ledger = Ledger {
         state: shared.state.clone(),
         blobs: shared.blobs.clone(),
         hub: Arc::clone(&shared.hub),
         farm: events.clone(),
     };
-    let farm = Farm::new(Arc::clone(shared), queue, entries, events.clone(), workers);
-    let machinery = Machinery {
-        workers: worker::start(workers, &outlets)?,
-        ledger: tokio::spawn(ledger.run(written)),
-        farm: tokio::spawn(farm.run(received)),
-    };
-    Ok((events, machinery))
+    let workers = worker::start(workers, &outlets, &entries)?;
+    let farm = Farm::new(Arc::clone(shared), Arc::clone(queue), entries, events);
+    let ledger = tokio::spawn(ledger.run(written));
+    Ok((outlets, Machinery { workers, ledger, farm: tokio::spawn(farm.run(received)) }))
 }
 
 impl Machinery {
@@ -200,26 +207,29 @@ impl Machinery {
 async fn router(
     shared: &Arc<Shared>,
     uploads: Uploads,
-    events: mpsc::UnboundedSender<Event>,
+    outlets: Outlets,
 ) -> Result<Router, Error> {
     let films = Arc::new(Semaphore::new(HEAVY));
     let assets = AssetsServer::new(AssetsService {
         blobs: shared.blobs.clone(),
         uploads,
         max_bytes: shared.limits.max_asset_bytes,
+        ending: shared.ending.clone(),
     });
     let jobs = JobsServer::new(JobsService {
         shared: Arc::clone(shared),
-        farm: events,
+        farm: outlets.farm.clone(),
         checking: Semaphore::new(HEAVY),
     });
     let frames = FramesServer::new(FramesService { shared: Arc::clone(shared), films: Arc::clone(&films) });
     let previews = PreviewsServer::new(PreviewsService { shared: Arc::clone(shared), films });
+    let workers = WorkersServer::new(WorkersService { shared: Arc::clone(shared), outlets });
     let (reporter, health) = tonic_health::server::health_reporter();
     reporter.set_serving::<AssetsServer<AssetsService>>().await;
     reporter.set_serving::<JobsServer<JobsService>>().await;
     reporter.set_serving::<FramesServer<FramesService>>().await;
     reporter.set_serving::<PreviewsServer<PreviewsService>>().await;
+    reporter.set_serving::<WorkersServer<WorkersService>>().await;
     let reflection = tonic_reflection::server::Builder::configure()
         .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
         .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
@@ -235,5 +245,6 @@ async fn router(
         .add_service(assets.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(jobs.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(frames.max_decoding_message_size(MAX_MESSAGE_BYTES))
-        .add_service(previews.max_decoding_message_size(MAX_MESSAGE_BYTES)))
+        .add_service(previews.max_decoding_message_size(MAX_MESSAGE_BYTES))
+        .add_service(workers.max_decoding_message_size(MAX_WORKER_MESSAGE_BYTES)))
 }

@@ -110,6 +110,10 @@ pub enum Cause {
     Corrupt,
     /// The denoiser is missing or failed.
     Denoiser,
+    /// A tile failed or killed its workers too often.
+    Quarantine,
+    /// Renders of one task differ.
+    Disputed,
     /// A fault in karst itself.
     Internal,
 }

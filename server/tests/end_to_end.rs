@@ -273,7 +273,7 @@ async fn a_data_folder_has_one_server() {
     let dir = tempfile::tempdir().unwrap();
     let server = TestServer::start(dir.path(), 1).await;
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let config = karst_server::config::Config { data: dir.path().to_owned(), workers: 1 };
+    let config = support::config(dir.path(), 1);
     let second = karst_server::serve(listener, config, || panic!("ready"), std::future::pending()).await;
     assert!(second.unwrap_err().to_string().contains("in use by another"));
     server.stop().await;

@@ -5,48 +5,15 @@
 
 mod support;
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::Duration;
 
 use karst_core::scene::Overrides;
 use karst_proto::v1::{self, JobState, job_event};
+use support::program::Program;
 use support::{Client, fading, hash, is_record, render_locally, request_id, scene_text};
 use tokio::time::Instant;
-
-struct Program {
-    child: Child,
-    url: String,
-}
-
-impl Program {
-    fn start(data: &Path) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_karst-server"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--workers", "2", "--log", "warn", "--data"])
-            .arg(data)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let url = line.trim().strip_prefix("listening on ").expect("the promised line").to_owned();
-        Self { child, url }
-    }
-
-    /// SIGKILL: nothing is flushed, nothing is closed.
-    fn kill(mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 /// Watches until `enough` says so or the connection breaks; adds what it saw.
 async fn watch(
@@ -73,7 +40,7 @@ async fn watch(
 async fn a_killed_server_goes_on_where_it_was() {
     let dir = tempfile::tempdir().unwrap();
     let text = scene_text((192, 128), r#"{"spp": 128, "seed": 5}"#, &fading(3));
-    let mut program = Program::start(dir.path());
+    let mut program = Program::start(dir.path(), 2);
     let mut client = Client::connect(&program.url).await;
     let spec = client.spec(&text).await;
     let spec = v1::JobSpec { tile_size: 32, ..spec };
@@ -92,7 +59,7 @@ async fn a_killed_server_goes_on_where_it_was() {
         };
         watch(&mut client, &job, &mut seen, enough).await;
         program.kill();
-        program = Program::start(dir.path());
+        program = Program::start(dir.path(), 2);
         client = Client::connect(&program.url).await;
         let again = client.submit(&request, &spec).await.unwrap().id;
         assert_eq!(again, job, "the request is remembered");
@@ -136,7 +103,7 @@ fn walk(folder: &Path) -> usize {
 async fn damaged_blobs_are_rendered_again() {
     let dir = tempfile::tempdir().unwrap();
     let text = scene_text((128, 96), r#"{"spp": 256, "seed": 5}"#, "");
-    let program = Program::start(dir.path());
+    let program = Program::start(dir.path(), 2);
     let mut client = Client::connect(&program.url).await;
     let spec = client.spec(&text).await;
     let job = client.submit(&request_id("rot"), &spec).await.unwrap().id;
@@ -152,7 +119,7 @@ async fn damaged_blobs_are_rendered_again() {
     for kind in ["films", "packs"] {
         flip_a_bit_in_all(&dir.path().join("blobs").join(kind));
     }
-    let program = Program::start(dir.path());
+    let program = Program::start(dir.path(), 2);
     let mut client = Client::connect(&program.url).await;
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
     let local = render_locally(&text, 1, &Overrides::default(), 64);

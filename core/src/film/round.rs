@@ -41,10 +41,16 @@ impl Round {
 
     /// Samples that the round takes, over all pixels.
     pub fn samples(&self, grid: &TileGrid) -> u64 {
-        let of = |(block, range): (usize, &SampleRange)| {
-            u64::from(range.count()) * grid.block_region(block as u32).area() as u64
-        };
-        self.blocks.iter().enumerate().map(of).sum()
+        (0..self.blocks.len() as u32).map(|block| self.block_samples(grid, block)).sum()
+    }
+
+    /// Samples that the round takes in a tile, over all its pixels.
+    pub fn tile_samples(&self, grid: &TileGrid, tile: u32) -> u64 {
+        grid.tile_blocks(tile).map(|block| self.block_samples(grid, block)).sum()
+    }
+
+    fn block_samples(&self, grid: &TileGrid, block: u32) -> u64 {
+        u64::from(self.blocks[block as usize].count()) * grid.block_region(block).area() as u64
     }
 
     /// The round as bytes (little endian), for storage.

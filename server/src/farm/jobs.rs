@@ -10,6 +10,7 @@ use tokio::time::Instant;
 
 use crate::farm::Checked;
 use crate::farm::live::LiveFrame;
+use crate::farm::past::Past;
 use crate::farm::prepare::{Context, Opened};
 use crate::farm::progress::Meter;
 use crate::job::JobRun;
@@ -44,6 +45,19 @@ pub(crate) struct Rendering {
     pub seconds: f64,
     /// When this server began or went on with the frame.
     pub since: Instant,
+}
+
+/// A frame that workers may begin, or go on with.
+#[derive(Debug)]
+pub(crate) struct Begun {
+    /// The frame.
+    pub frame: Arc<LiveFrame>,
+    /// Where it stands.
+    pub state: FrameState,
+    /// The round it goes on with.
+    pub round: Option<Arc<Round>>,
+    /// What has gone wrong with tiles of that round.
+    pub past: BTreeMap<u32, Past>,
 }
 
 /// A job that is not in a final state.
@@ -175,12 +189,8 @@ impl LiveJobs {
         }
     }
 
-    /// Takes a ready frame: the frame, its state, the round it goes on with.
-    pub(crate) fn begin(
-        &mut self,
-        number: i64,
-        frame: i32,
-    ) -> Option<(Arc<LiveFrame>, FrameState, Option<Arc<Round>>)> {
+    /// Takes a ready frame.
+    pub(crate) fn begin(&mut self, number: i64, frame: i32) -> Option<Begun> {
         let job = self.jobs.get_mut(&number)?;
         let Some(Stage::Ready(opened)) = job.stages.remove(&frame) else { return None };
         let report = job.run.frames.get(&frame)?;
@@ -194,7 +204,7 @@ impl LiveJobs {
         };
         let state = report.state;
         job.stages.insert(frame, Stage::Rendering(Arc::clone(&opened.frame), rendering));
-        Some((opened.frame, state, opened.round))
+        Some(Begun { frame: opened.frame, state, round: opened.round, past: opened.past })
     }
 
     /// A round begins that waits for `missing` tiles.
@@ -212,6 +222,11 @@ impl LiveJobs {
             rendering.missing = rendering.missing.saturating_sub(tiles);
             rendering.missing == 0
         })
+    }
+
+    /// Nothing is missing in the round that a frame is in.
+    pub(crate) fn is_complete(&mut self, frame: &LiveFrame) -> bool {
+        self.rendering(frame).is_some_and(|rendering| rendering.missing == 0)
     }
 
     /// The round that a frame is in.

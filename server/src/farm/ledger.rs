@@ -17,14 +17,14 @@ use std::time::Duration;
 
 use karst_core::film::TileResult;
 use prost::bytes::Bytes;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, sleep, timeout_at};
 
 use crate::blobs::{Blobs, Kind};
 use crate::digest::Digest;
 use crate::error::Error;
 use crate::farm::Event;
-use crate::farm::live::LiveFrame;
+use crate::farm::live::{LiveFrame, Vote};
 use crate::farm::queue::Task;
 use crate::preview::Hub;
 use crate::state::{Row, State};
@@ -45,8 +45,33 @@ pub(crate) struct Rendered {
     pub result: TileResult,
     /// The same as bytes.
     pub bytes: Vec<u8>,
+    /// Their digest, and whose they are.
+    pub vote: Vote,
     /// The round waits for nothing else.
     pub last: bool,
+    /// Who wants to know when it is durable, or why it is not needed.
+    pub ack: Option<oneshot::Sender<Verdict>>,
+}
+
+impl Rendered {
+    pub(super) fn answer(&mut self, verdict: Verdict) {
+        if let Some(ack) = self.ack.take() {
+            let _ = ack.send(verdict);
+        }
+    }
+}
+
+/// What became of a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// It is durable.
+    Accepted,
+    /// The same bytes were accepted before.
+    Duplicate,
+    /// Nobody needs it any more.
+    Closed,
+    /// Other bytes were accepted before.
+    Disputed,
 }
 
 /// A film after a round.
@@ -113,26 +138,10 @@ impl Ledger {
     }
 
     async fn write(&self, group: Vec<Entry>) {
-        let mut results: BTreeMap<(i64, i32), Vec<Rendered>> = BTreeMap::new();
-        let mut rows = Vec::new();
-        let mut thens = Vec::new();
+        let mut sorted = Group::default();
+        group.into_iter().for_each(|entry| sorted.add(entry));
+        let Group { mut results, again, mut rows, thens, films, given_up } = sorted;
         let mut old = Vec::new();
-        let mut films = Vec::new();
-        let mut given_up = Vec::new();
-        for entry in group {
-            match entry {
-                Entry::Rendered(r) if r.task.frame.is_stopped() => drop(r),
-                Entry::Rendered(r) => {
-                    results.entry((r.task.frame.number, r.task.frame.frame)).or_default().push(*r);
-                }
-                Entry::Rows(entry) => {
-                    rows.extend(entry.changes);
-                    films.extend(entry.film);
-                    given_up.extend(entry.given_up);
-                    thens.push(entry.then);
-                }
-            }
-        }
         // A round's results were written before its film was made, so results beside a film are of the next round:
         // the film's row goes first, because it forgets the packs of the frame.
         for film in films {
@@ -145,8 +154,14 @@ impl Ledger {
         for frame in given_up {
             old.extend(frame.merged().packs.drain(..).map(|pack| (Kind::Pack, pack)));
         }
+        for results in results.values_mut() {
+            results.iter_mut().for_each(|r| r.answer(Verdict::Accepted));
+        }
         for (_, results) in results {
             self.merge(results).await;
+        }
+        for result in again {
+            self.compare(result, &mut old).await;
         }
         for then in thens {
             then();
@@ -194,6 +209,7 @@ impl Ledger {
             for r in &results {
                 merged.film.merge(&r.result).map_err(|e| format!("tile {}: {e}", r.task.tile))?;
                 merged.rounds[r.task.tile as usize] = r.task.round.index + 1;
+                merged.accepted.insert(r.task.tile, r.vote.clone());
                 frame.add_samples(r.result.counters.samples);
                 tiles.push(r.task.tile);
             }
@@ -209,6 +225,51 @@ impl Ledger {
             Err(e) => Event::TileFailed(frame, e.to_string()),
         };
         let _ = self.farm.send(event);
+    }
+}
+
+/// Entries of one transaction, by what is done with them.
+#[derive(Default)]
+struct Group {
+    /// Results of open tasks, by job number and frame number.
+    results: BTreeMap<(i64, i32), Vec<Rendered>>,
+    /// Results of tasks that have one already.
+    again: Vec<Rendered>,
+    rows: Vec<Row>,
+    thens: Vec<Box<dyn FnOnce() + Send>>,
+    films: Vec<NewFilm>,
+    given_up: Vec<Arc<LiveFrame>>,
+}
+
+impl Group {
+    fn add(&mut self, entry: Entry) {
+        match entry {
+            Entry::Rendered(result) => self.add_result(*result),
+            Entry::Rows(entry) => {
+                self.rows.extend(entry.changes);
+                self.films.extend(entry.film);
+                self.given_up.extend(entry.given_up);
+                self.thens.push(entry.then);
+            }
+        }
+    }
+
+    fn add_result(&mut self, mut result: Rendered) {
+        let task = &result.task;
+        let (is_current, has_result) = {
+            let merged = task.frame.merged();
+            let round = task.round.index;
+            (merged.round == round, merged.rounds[task.tile as usize] > round)
+        };
+        let of_frame = self.results.entry((task.frame.number, task.frame.frame)).or_default();
+        if task.frame.is_stopped() || !is_current {
+            result.answer(Verdict::Closed);
+        } else if has_result || of_frame.iter().any(|r| r.task.is_same(&result.task)) {
+            self.again.push(result);
+        } else {
+            of_frame.push(result);
+        }
+        self.results.retain(|_, results| !results.is_empty());
     }
 }
 
@@ -234,7 +295,7 @@ async fn collect(first: Entry, entries: &mut mpsc::Receiver<Entry>, until: Insta
 }
 
 /// Repeats a write until the disk takes it.
-async fn persist<T, F: Future<Output = Result<T, Error>>>(write: impl Fn() -> F) -> T {
+pub(super) async fn persist<T, F: Future<Output = Result<T, Error>>>(write: impl Fn() -> F) -> T {
     let mut pause = Duration::from_millis(100);
     loop {
         match write().await {
@@ -247,7 +308,7 @@ async fn persist<T, F: Future<Output = Result<T, Error>>>(write: impl Fn() -> F)
 }
 
 /// Results one after the other, each behind its length in four bytes, little endian.
-fn pack<'a>(results: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
+pub(super) fn pack<'a>(results: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
     let mut pack = Vec::new();
     for bytes in results {
         pack.extend((bytes.len() as u32).to_le_bytes());

@@ -1,11 +1,11 @@
 //! Owns the frames that are being rendered: their films, shared between the ledger that merges, the loop that plans
 //! and the previews that look.
 
-use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use karst_core::film::{Film, TileGrid};
+use karst_core::film::{Film, Round, TileGrid};
 use karst_core::scene::Scene;
 
 use crate::digest::Digest;
@@ -25,11 +25,18 @@ pub struct LiveFrame {
     pub grid: TileGrid,
     /// Workers drop what they do for this frame.
     pub stop: AtomicBool,
-    /// Tiles of this round that no worker has finished.
-    unrendered: AtomicU32,
+    current: Mutex<Current>,
     /// Samples in the film.
     samples: AtomicU64,
     merged: Mutex<Merged>,
+}
+
+/// The round that is being rendered.
+#[derive(Debug, Default)]
+struct Current {
+    round: Option<Arc<Round>>,
+    /// Tiles of it that no worker has finished.
+    unrendered: BTreeSet<u32>,
 }
 
 /// What is merged; everything in it is durable.
@@ -45,6 +52,23 @@ pub struct Merged {
     pub stored: Option<Digest>,
     /// Stored results since then.
     pub packs: Vec<Digest>,
+    /// The round whose results are taken.
+    pub round: u32,
+    /// Rises when a result was replaced: plans made before are void.
+    pub version: u32,
+    /// Who brought the results of this round, and what they are, by tile.
+    pub accepted: BTreeMap<u32, Vote>,
+    /// Tiles of this round about which workers disagree, with the results that came after the accepted one.
+    pub disputes: BTreeMap<u32, Vec<Vote>>,
+}
+
+/// A result as somebody brought it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Vote {
+    /// The worker's id.
+    pub worker: String,
+    /// The result's digest.
+    pub digest: Digest,
 }
 
 impl LiveFrame {
@@ -59,7 +83,7 @@ impl LiveFrame {
             scene,
             grid,
             stop: AtomicBool::new(false),
-            unrendered: AtomicU32::new(0),
+            current: Mutex::default(),
             samples,
             merged: Mutex::new(merged),
         }
@@ -70,14 +94,31 @@ impl LiveFrame {
         self.merged.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A round begins in which `tiles` tiles have to be rendered.
-    pub fn begin_round(&self, tiles: u32) {
-        self.unrendered.store(tiles, Ordering::Relaxed);
+    /// A round begins in which these tiles have to be rendered.
+    pub fn begin_round(&self, round: Arc<Round>, tiles: &[u32]) {
+        *self.current() = Current { round: Some(round), unrendered: tiles.iter().copied().collect() };
+    }
+
+    /// The round that is being rendered.
+    pub fn current_round(&self) -> Option<Arc<Round>> {
+        self.current().round.clone()
     }
 
     /// A tile was rendered; true when it was the last one of the round.
-    pub fn tile_rendered(&self) -> bool {
-        self.unrendered.fetch_sub(1, Ordering::Relaxed) == 1
+    pub fn tile_rendered(&self, tile: u32) -> bool {
+        let mut current = self.current();
+        current.unrendered.remove(&tile) && current.unrendered.is_empty()
+    }
+
+    fn current(&self) -> MutexGuard<'_, Current> {
+        self.current.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a result of this round is still wanted for a tile.
+    pub fn is_open(&self, round: u32, tile: u32) -> bool {
+        let merged = self.merged();
+        merged.round == round
+            && (merged.rounds[tile as usize] <= round || merged.disputes.contains_key(&tile))
     }
 
     /// Samples in the film.

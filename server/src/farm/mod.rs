@@ -5,15 +5,20 @@
 //! frame. Nothing here blocks: scenes are built, rounds planned and files made on blocking threads, and everything
 //! that must survive goes through the ledger.
 
+mod batch;
+mod dispute;
 pub mod feed;
 mod finish;
+pub(crate) mod fleet;
 mod jobs;
 pub(crate) mod ledger;
 pub mod live;
+pub mod past;
 pub(crate) mod prepare;
 mod progress;
 pub(crate) mod queue;
 mod rounds;
+mod trouble;
 pub(crate) mod worker;
 
 use std::sync::Arc;
@@ -30,11 +35,13 @@ use crate::clock;
 use crate::error::Error;
 use crate::farm::feed::Feeds;
 use crate::farm::finish::Finished;
+use crate::farm::fleet::Fleet;
 use crate::farm::jobs::LiveJob;
 use crate::farm::ledger::{Entry, NewFilm, Rows};
 use crate::farm::live::{Live, LiveFrame};
 use crate::farm::prepare::{Context, Opened};
-use crate::farm::queue::Queue;
+use crate::farm::past::Trouble;
+use crate::farm::queue::{Queue, Task};
 use crate::job::{Effect, Event as JobEvent};
 use crate::model::{Cause, Failure, Job};
 use crate::preview::Hub;
@@ -52,6 +59,7 @@ pub(crate) struct Shared {
     pub live: Live,
     pub hub: Arc<Hub>,
     pub feeds: Feeds,
+    pub fleet: Fleet,
     /// The server is ending.
     pub ending: CancellationToken,
 }
@@ -69,8 +77,16 @@ pub(crate) enum Event {
     QueueLow,
     /// Results are durable and merged.
     Accepted(Arc<LiveFrame>, u32),
-    /// A tile cannot be rendered.
+    /// A result cannot be merged.
     TileFailed(Arc<LiveFrame>, String),
+    /// A worker could not finish a task.
+    Trouble(String, Box<Task>, Trouble),
+    /// Workers disagree about a task.
+    Disputed(Box<Task>),
+    /// A dispute has ended; these workers were wrong.
+    Settled(Arc<LiveFrame>, Vec<String>),
+    /// A dispute cannot be decided.
+    Hopeless(Arc<LiveFrame>, String),
     /// A round was evaluated.
     Planned(Arc<LiveFrame>, Box<Plan>),
     /// A frame's files are stored, or cannot be made.
@@ -89,6 +105,10 @@ pub(crate) struct Checked {
 /// What follows from a finished round.
 #[derive(Debug)]
 pub(crate) struct Plan {
+    /// The round that has ended.
+    round: u32,
+    /// The version of the film.
+    version: u32,
     summary: FrameSummary,
     next: Option<Round>,
     film: Bytes,
@@ -100,8 +120,6 @@ pub(crate) struct Farm {
     queue: Arc<Queue>,
     ledger: mpsc::Sender<Entry>,
     events: mpsc::UnboundedSender<Event>,
-    /// Tasks that should be open so that no worker waits.
-    low: usize,
     jobs: jobs::LiveJobs,
     /// One frame is denoised and encoded at a time; it uses all processors.
     finishing: Arc<Semaphore>,
@@ -114,10 +132,9 @@ impl Farm {
         queue: Arc<Queue>,
         ledger: mpsc::Sender<Entry>,
         events: mpsc::UnboundedSender<Event>,
-        low: usize,
     ) -> Self {
         let finishing = Arc::new(Semaphore::new(1));
-        Self { shared, queue, ledger, events, low, jobs: jobs::LiveJobs::default(), finishing }
+        Self { shared, queue, ledger, events, jobs: jobs::LiveJobs::default(), finishing }
     }
 
     /// Reacts to events until the server ends.
@@ -130,7 +147,11 @@ impl Farm {
                     Some(event) => self.react(event).await,
                     None => break,
                 },
-                _ = ticks.tick() => self.tell_progress(),
+                _ = ticks.tick() => {
+                    self.tell_progress();
+                    let lost = self.shared.fleet.sweep();
+                    self.troubles(lost).await;
+                }
                 () = ending.cancelled() => break,
             }
             self.fill().await;
@@ -158,6 +179,10 @@ impl Farm {
             Event::TileFailed(frame, message) => {
                 self.fail(frame.number, frame.frame, Failure::new(Cause::Internal, message)).await;
             }
+            Event::Trouble(worker, task, trouble) => self.troubles(vec![(worker, *task, trouble)]).await,
+            Event::Disputed(task) => self.disputed(*task),
+            Event::Settled(frame, wrong) => self.settled(frame, wrong).await,
+            Event::Hopeless(frame, message) => self.hopeless(&frame, message).await,
             Event::Planned(frame, plan) => self.planned(frame, *plan).await,
             Event::Finished(frame, Ok((files, failure))) => {
                 let event = JobEvent::FrameFinished(frame.frame, files, failure, clock::now());
@@ -223,7 +248,7 @@ impl Farm {
                     );
                 }
                 Effect::Stop(frame) => {
-                    rows.push(Row::ForgetPacks(id.clone(), frame));
+                    rows.push(Row::Forget(id.clone(), frame));
                     given_up.extend(job.stop(frame));
                     self.queue.remove(number, frame);
                 }

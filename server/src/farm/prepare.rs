@@ -17,7 +17,9 @@ use crate::blobs::{Blobs, Kind};
 use crate::digest::Digest;
 use crate::error::Error;
 use crate::farm::ledger::unpack;
-use crate::farm::live::{LiveFrame, Merged};
+use crate::farm::live::{LiveFrame, Merged, Vote};
+use crate::farm::past::Past;
+use crate::farm::queue::SERVER;
 use crate::spec::{Frames, JobSpec};
 use crate::state::{State, StoredRound};
 
@@ -39,6 +41,8 @@ pub(crate) struct Opened {
     pub frame: Arc<LiveFrame>,
     /// The round that comes next; `None` when there is none.
     pub round: Option<Arc<Round>>,
+    /// What has gone wrong with its tiles.
+    pub past: BTreeMap<u32, Past>,
 }
 
 /// Reads, parses and checks the scene of a job and loads its assets.
@@ -57,10 +61,19 @@ pub(crate) async fn load(blobs: &Blobs, limits: &Limits, spec: JobSpec) -> Resul
     let text = blobs.get(Kind::Asset, spec.scene).await?;
     let source = BlobSource { blobs: blobs.clone(), files: spec.files.clone(), runtime: Handle::current() };
     let limits = limits.clone();
-    spawn_blocking(move || load_blocking(&text, &source, &limits, spec)).await?
+    spawn_blocking(move || load_from(&text, &source, &limits, spec)).await?
 }
 
-fn load_blocking(text: &[u8], source: &BlobSource, limits: &Limits, spec: JobSpec) -> Result<Context, Error> {
+/// Parses and checks a scene document and loads its assets. Blocks.
+///
+/// # Errors
+/// [`Error::Scene`] with all problems.
+pub(crate) fn load_from(
+    text: &[u8],
+    source: &impl AssetSource,
+    limits: &Limits,
+    spec: JobSpec,
+) -> Result<Context, Error> {
     let text = std::str::from_utf8(text)
         .map_err(|e| Error::Scene(vec![Violation::new("scene", format!("expected UTF-8 text: {e}"))], 1))?;
     let document = Document::parse(text, ORIGIN, limits).map_err(|p| scene_error(&p))?;
@@ -128,17 +141,26 @@ pub(crate) async fn open(
     let (state, blobs) = stores;
     let stored = state.round(&place.1, place.2).await?;
     let survived = read_stored(blobs, stored).await?;
-    spawn_blocking(move || restore(place, scene, tile_size, survived)).await.map_err(Error::from)
+    let past = state.past(&place.1, place.2, survived.rounds).await?;
+    let mut opened = spawn_blocking(move || restore(place, scene, tile_size, survived)).await?;
+    opened.past = past;
+    Ok(opened)
 }
 
 /// What could be read of a frame.
-struct Survived {
-    film: Option<(Film, Digest)>,
-    rounds: u32,
-    packs: Vec<(Digest, Vec<u8>)>,
+pub(crate) struct Survived {
+    /// The film after `rounds` rounds; `None` before the first.
+    pub film: Option<(Film, Digest)>,
+    pub rounds: u32,
+    /// Results of the round of that index.
+    pub packs: Vec<(Digest, Vec<u8>)>,
 }
 
-async fn read_stored(blobs: &Blobs, stored: StoredRound) -> Result<Survived, Error> {
+/// Reads what survived of a frame; what is damaged is left out.
+///
+/// # Errors
+/// A failing disk.
+pub(crate) async fn read_stored(blobs: &Blobs, stored: StoredRound) -> Result<Survived, Error> {
     let mut survived = Survived { film: None, rounds: stored.rounds, packs: Vec::new() };
     if let Some(digest) = stored.film {
         match read_film(blobs, digest).await {
@@ -173,29 +195,47 @@ pub(crate) async fn read_film(blobs: &Blobs, digest: Digest) -> Result<Film, Err
 
 fn restore(place: (i64, Arc<str>, i32), scene: Arc<Scene>, tile_size: u32, survived: Survived) -> Opened {
     let grid = TileGrid::new(scene.window(), tile_size);
-    let (mut film, stored) = match survived.film {
+    let (film, stored) = match survived.film {
         Some((film, digest)) => (film, Some(digest)),
         None => (Film::new(scene.size(), scene.window(), scene.exposure()), None),
     };
-    let mut rounds = vec![survived.rounds; grid.tile_count() as usize];
     let round = next_round(scene.sampling(), &grid, &film, survived.rounds);
-    let mut packs = Vec::new();
-    for (digest, bytes) in &survived.packs {
-        packs.push(*digest);
-        let Some(round) = &round else { continue };
-        for result in results(bytes, &grid, round) {
-            let merged_already = rounds[result.tile as usize] > round.index;
-            if !merged_already && film.merge(&result).is_ok() {
-                rounds[result.tile as usize] = round.index + 1;
+    let mut merged = Merged {
+        film,
+        rounds: vec![survived.rounds; grid.tile_count() as usize],
+        complete: round.is_none(),
+        stored,
+        packs: survived.packs.iter().map(|(digest, _)| *digest).collect(),
+        round: survived.rounds,
+        version: 0,
+        accepted: BTreeMap::new(),
+        disputes: BTreeMap::new(),
+    };
+    if let Some(round) = &round {
+        for (_, pack) in &survived.packs {
+            merged.take_pack(pack, &grid, round);
+        }
+    }
+    let frame = Arc::new(LiveFrame::new(place, scene, grid, merged));
+    Opened { frame, round: round.map(Arc::new), past: BTreeMap::new() }
+}
+
+impl Merged {
+    /// Merges the stored results that are not merged already.
+    fn take_pack(&mut self, pack: &[u8], grid: &TileGrid, round: &Round) {
+        for result in results(pack, grid, round) {
+            let merged_already = self.rounds[result.tile as usize] > round.index;
+            if !merged_already && self.film.merge(&result).is_ok() {
+                self.rounds[result.tile as usize] = round.index + 1;
+                let vote = Vote { worker: SERVER.to_owned(), digest: Digest::of(&result.to_bytes()) };
+                self.accepted.insert(result.tile, vote);
             }
         }
     }
-    let merged = Merged { film, rounds, complete: round.is_none(), stored, packs };
-    Opened { frame: Arc::new(LiveFrame::new(place, scene, grid, merged)), round: round.map(Arc::new) }
 }
 
 /// The results of a pack; those that do not fit the plan are rendered again.
-fn results(pack: &[u8], grid: &TileGrid, round: &Round) -> Vec<TileResult> {
+pub(crate) fn results(pack: &[u8], grid: &TileGrid, round: &Round) -> Vec<TileResult> {
     let parse = |bytes: &[u8]| match TileResult::from_bytes(bytes, grid, round) {
         Ok(result) => Some(result),
         Err(e) => {

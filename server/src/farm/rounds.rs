@@ -1,5 +1,6 @@
 //! Owns the way of a frame through the farm: made ready, begun, rendered round by round, finished.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use karst_core::film::{FrameSummary, Round};
@@ -10,9 +11,10 @@ use tokio::task::spawn_blocking;
 use crate::clock;
 use crate::error::Error;
 use crate::farm::finish::finish;
-use crate::farm::jobs::{Rendering, Stage};
+use crate::farm::jobs::{Begun, Rendering, Stage};
 use crate::farm::ledger::NewFilm;
 use crate::farm::live::LiveFrame;
+use crate::farm::past::Past;
 use crate::farm::prepare::{self, Context, Opened};
 use crate::farm::queue::Task;
 use crate::farm::{Event, Farm, Plan, Shared};
@@ -26,7 +28,7 @@ const MAX_LIVE_FRAMES: usize = 4;
 impl Farm {
     /// Keeps the workers busy: begins frames that are ready, and makes the next one ready.
     pub(super) async fn fill(&mut self) {
-        while self.queue.len() < self.low
+        while self.queue.is_low()
             && let Some((number, frame)) = self.jobs.first_ready()
         {
             self.begin(number, frame).await;
@@ -47,7 +49,7 @@ impl Farm {
 
     /// Begins a frame that is ready, or goes on with it.
     async fn begin(&mut self, number: i64, frame: i32) {
-        let Some((live, state, opened_round)) = self.jobs.begin(number, frame) else { return };
+        let Some(Begun { frame: live, state, round, past }) = self.jobs.begin(number, frame) else { return };
         self.shared.live.insert(Arc::clone(&live));
         let tiles: Vec<u32> = (0..live.grid.tile_count()).collect();
         self.shared.hub.publish(&live.job, frame, &tiles);
@@ -55,23 +57,23 @@ impl Farm {
         if state == FrameState::Pending {
             events.push(JobEvent::FrameBegan(frame, clock::now()));
         }
-        if opened_round.is_none() && state != FrameState::Finishing {
+        if round.is_none() && state != FrameState::Finishing {
             events.push(JobEvent::FrameRendered(frame));
         }
         self.step(number, events, None, None).await;
-        match opened_round {
-            Some(round) => self.begin_round(live, &round),
+        match round {
+            Some(round) => self.begin_round(live, &round, past),
             None => self.finish(live),
         }
     }
 
     /// Opens the tasks of a round that are not merged already.
-    fn begin_round(&mut self, frame: Arc<LiveFrame>, round: &Arc<Round>) {
+    fn begin_round(&mut self, frame: Arc<LiveFrame>, round: &Arc<Round>, mut past: BTreeMap<u32, Past>) {
         let merged: Vec<u32> = frame.merged().rounds.clone();
         let open: Vec<u32> = (0..frame.grid.tile_count())
             .filter(|&tile| merged[tile as usize] <= round.index && !round.tile_is_empty(&frame.grid, tile))
             .collect();
-        frame.begin_round(open.len() as u32);
+        frame.begin_round(Arc::clone(round), &open);
         self.jobs.begin_round(&frame, round, open.len() as u32);
         if open.is_empty() {
             self.plan(frame);
@@ -81,6 +83,7 @@ impl Farm {
             frame: Arc::clone(&frame),
             round: Arc::clone(round),
             tile,
+            past: past.remove(&tile).unwrap_or_default(),
         }));
     }
 
@@ -92,6 +95,8 @@ impl Farm {
             let plan = {
                 let merged = frame.merged();
                 Plan {
+                    round: merged.round,
+                    version: merged.version,
                     summary: merged.film.summary(),
                     next: next_round(frame.scene.sampling(), &frame.grid, &merged.film, done),
                     film: merged.film.to_bytes().into(),
@@ -102,6 +107,15 @@ impl Farm {
     }
 
     pub(super) async fn planned(&mut self, frame: Arc<LiveFrame>, plan: Plan) {
+        {
+            let mut merged = frame.merged();
+            // Void: the round ended by another plan, or a result is disputed or was replaced meanwhile.
+            if merged.round != plan.round || merged.version != plan.version || !merged.disputes.is_empty() {
+                return;
+            }
+            merged.round += 1;
+            merged.accepted.clear();
+        }
         let Some(Rendering { round, seconds, .. }) = self.jobs.finish_round(&frame, &plan.summary) else {
             return;
         };
@@ -115,7 +129,7 @@ impl Farm {
         let film = NewFilm { frame: Arc::clone(&frame), rounds: round + 1, bytes: plan.film };
         self.step(frame.number, events, Some(film), None).await;
         match next {
-            Some(next) => self.begin_round(frame, &Arc::new(next)),
+            Some(next) => self.begin_round(frame, &Arc::new(next), BTreeMap::new()),
             None => self.finish(frame),
         }
     }

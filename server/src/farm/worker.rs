@@ -5,87 +5,90 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
+use karst_core::film::TileResult;
 use karst_core::render::render_tile;
 use tokio::sync::mpsc;
 
+use crate::digest::Digest;
 use crate::error::Error;
 use crate::farm::Event;
 use crate::farm::ledger::{Entry, Rendered};
-use crate::farm::queue::{Queue, Task};
+use crate::farm::live::Vote;
+use crate::farm::past::Trouble;
+use crate::farm::queue::{Popped, Queue, SERVER, Task};
 
-/// What a worker needs.
+/// Ways to the parts of the farm.
 #[derive(Debug, Clone)]
 pub(crate) struct Outlets {
     /// Where tasks come from.
     pub queue: Arc<Queue>,
-    /// Where results go. Bounded: when the disk is slower than the workers, they wait.
-    pub ledger: mpsc::Sender<Entry>,
+    /// Where results go. Bounded: when the disk is slower than the workers, they wait. Weak: the ledger ends when
+    /// the farm and the threads here have ended, whatever calls are still open.
+    pub ledger: mpsc::WeakSender<Entry>,
     /// Who hears of an empty queue and of failures.
     pub farm: mpsc::UnboundedSender<Event>,
-    /// Tasks that should be open so that nobody waits; the farm hears when there are fewer.
-    pub low: usize,
 }
+
+/// How long a thread waits for a task before it looks for other things to do.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Starts `count` worker threads; they end when the queue is closed.
 ///
 /// # Errors
 /// When the system has no more threads.
-pub(crate) fn start(count: usize, outlets: &Outlets) -> Result<Vec<JoinHandle<()>>, Error> {
+pub(crate) fn start(
+    count: usize,
+    outlets: &Outlets,
+    ledger: &mpsc::Sender<Entry>,
+) -> Result<Vec<JoinHandle<()>>, Error> {
     let start_one = |i| {
-        let outlets = outlets.clone();
+        let (outlets, ledger) = (outlets.clone(), ledger.clone());
         let builder = std::thread::Builder::new().name(format!("karst-render-{i}"));
-        Ok(builder.spawn(move || work(&outlets))?)
+        Ok(builder.spawn(move || work(&outlets, &ledger))?)
     };
     (0..count).map(start_one).collect()
 }
 
-fn work(outlets: &Outlets) {
-    while let Some((task, left)) = outlets.queue.pop() {
-        if left < outlets.low {
+fn work(outlets: &Outlets, ledger: &mpsc::Sender<Entry>) {
+    loop {
+        let task = match outlets.queue.pop(SERVER, PATIENCE) {
+            Popped::Task(task) => *task,
+            Popped::Nothing => continue,
+            Popped::Closed => return,
+        };
+        if outlets.queue.is_low() {
             let _ = outlets.farm.send(Event::QueueLow);
         }
-        let rendered = catch_unwind(AssertUnwindSafe(|| {
-            let result =
-                render_tile(&task.frame.scene, &task.frame.grid, task.tile, &task.round, &task.frame.stop)?;
-            let bytes = result.to_bytes();
-            Some((result, bytes))
-        }));
-        match rendered {
-            Ok(Some((result, bytes))) => {
-                let last = task.frame.tile_rendered();
-                let entry = Entry::Rendered(Box::new(Rendered { task, result, bytes, last }));
-                if outlets.ledger.blocking_send(entry).is_err() {
+        match render(&task) {
+            Ok(Some(result)) => {
+                let bytes = result.to_bytes();
+                let vote = Vote { worker: SERVER.to_owned(), digest: Digest::of(&bytes) };
+                let last = task.frame.tile_rendered(task.tile);
+                let rendered = Rendered { task, result, bytes, vote, last, ack: None };
+                if ledger.blocking_send(Entry::Rendered(Box::new(rendered))).is_err() {
                     return;
                 }
             }
             // Stopped: whoever stopped the frame knows.
             Ok(None) => {}
-            Err(panic) => {
-                let message = describe(&task, panic.as_ref());
-                tracing::error!(job = %task.frame.job, frame = task.frame.frame, "{message}");
-                let _ = outlets.farm.send(Event::TileFailed(task.frame, message));
+            Err(message) => {
+                let trouble = Trouble::Failed(message);
+                let _ = outlets.farm.send(Event::Trouble(SERVER.to_owned(), Box::new(task), trouble));
             }
         }
     }
 }
 
-/// Says what went wrong and how to see it again without the service.
-fn describe(task: &Task, panic: &(dyn Any + Send)) -> String {
-    let text = panic
-        .downcast_ref::<String>()
-        .map(String::as_str)
-        .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("unknown panic");
-    let region = task.frame.grid.tile_region(task.tile);
-    format!(
-        "tile {} failed in round {}: {text}; replay it with `karst render SCENE --frame {} --crop {},{},{},{}`",
-        task.tile,
-        task.round.index,
-        task.frame.frame,
-        region.x0,
-        region.y0,
-        region.width(),
-        region.height()
-    )
+fn render(task: &Task) -> Result<Option<TileResult>, String> {
+    let (scene, grid) = (&task.frame.scene, &task.frame.grid);
+    catch_unwind(AssertUnwindSafe(|| render_tile(scene, grid, task.tile, &task.round, &task.frame.stop)))
+        .map_err(|panic| describe(panic.as_ref()))
+}
+
+/// What a panic says.
+pub(crate) fn describe(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("unknown panic").to_owned()
 }

@@ -5,17 +5,19 @@ use std::time::Duration;
 
 use karst_proto::v1::assets_server::Assets;
 use karst_proto::v1::{
-    FindMissingRequest, FindMissingResponse, QueryUploadRequest, QueryUploadResponse, UploadRequest,
+    DownloadRequest, DownloadResponse, FindMissingRequest, FindMissingResponse, QueryUploadRequest, QueryUploadResponse, UploadRequest,
     UploadResponse, UploadStart, upload_request::Part,
 };
 use karst_proto::{MAX_CHUNK_BYTES, MAX_DIGESTS};
 use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status, Streaming};
 
 use crate::blobs::{Blobs, Kind};
 use crate::digest::Digest;
 use crate::error::Error;
 use crate::service::convert::digest;
+use crate::service::outlet::{Closed, Outflow, Outlet, stream};
 use crate::uploads::{Committed, Uploads};
 
 /// An upload that sends nothing for so long gives its place up; what came is kept.
@@ -28,10 +30,14 @@ pub struct AssetsService {
     pub(crate) uploads: Uploads,
     /// Largest blob in bytes.
     pub(crate) max_bytes: u64,
+    /// The server is ending.
+    pub(crate) ending: CancellationToken,
 }
 
 #[tonic::async_trait]
 impl Assets for AssetsService {
+    type DownloadStream = Outflow<DownloadResponse>;
+
     async fn find_missing(
         &self,
         request: Request<FindMissingRequest>,
@@ -57,6 +63,40 @@ impl Assets for AssetsService {
         let digest = digest("digest", &request.into_inner().digest)?;
         let Committed { size, complete } = self.uploads.committed(digest).await?;
         Ok(Response::new(QueryUploadResponse { committed_size: size, complete }))
+    }
+
+    async fn download(
+        &self,
+        request: Request<DownloadRequest>,
+    ) -> Result<Response<Self::DownloadStream>, Status> {
+        let DownloadRequest { digest: text, offset } = request.into_inner();
+        let digest = digest("digest", &text)?;
+        let size = self.blobs.size(Kind::Asset, &digest).await?.ok_or(Error::BlobNotFound(digest))?;
+        if offset > size {
+            return Err(Error::Offset { found: offset, expected: size }.into());
+        }
+        let blobs = self.blobs.clone();
+        let send = move |outlet| async move { send_blob(&blobs, digest, offset..size, &outlet).await };
+        Ok(Response::new(stream(&self.ending, send)))
+    }
+}
+
+async fn send_blob(
+    blobs: &Blobs,
+    digest: Digest,
+    range: std::ops::Range<u64>,
+    outlet: &Outlet<DownloadResponse>,
+) -> Result<(), Closed> {
+    let total_size = range.end;
+    let mut at = range.start;
+    loop {
+        let end = (at + MAX_CHUNK_BYTES as u64).min(total_size);
+        let chunk = if at < end { blobs.part(Kind::Asset, digest, at..end).await? } else { Vec::new() };
+        outlet.send(DownloadResponse { total_size, chunk: chunk.into() }).await?;
+        at = end;
+        if at == total_size {
+            return Ok(());
+        }
     }
 }
 

@@ -78,6 +78,14 @@ pub(crate) fn job(job: &Job) -> v1::Job {
     }
 }
 
+/// A job's scene with its files, for workers.
+pub(crate) fn spec_with_files(spec: &JobSpec) -> v1::JobSpec {
+    let file = |(path, digest): (&String, &Digest)| v1::SceneFile { path: path.clone(), digest: digest.to_string() };
+    let files = spec.files.iter().map(file).collect();
+    let scene = Some(v1::Scene { digest: spec.scene.to_string(), files });
+    v1::JobSpec { scene, ..spec_to_wire(spec) }
+}
+
 fn spec_to_wire(spec: &JobSpec) -> v1::JobSpec {
     let frames = spec.frames.map(|f| v1::FrameRange { first: f.first, last: f.last, step: f.step });
     let denoise = match spec.denoise {
@@ -172,6 +180,8 @@ fn failure(failure: &Failure) -> v1::Error {
         Cause::Scene => (Code::InvalidArgument, ErrorReason::SceneInvalid),
         Cause::Corrupt => (Code::DataLoss, ErrorReason::BlobCorrupt),
         Cause::Denoiser => (Code::FailedPrecondition, ErrorReason::DenoiserUnavailable),
+        Cause::Quarantine => (Code::Internal, ErrorReason::TileQuarantined),
+        Cause::Disputed => (Code::Internal, ErrorReason::DeterminismViolation),
         Cause::Internal => (Code::Internal, ErrorReason::InternalFault),
     };
     let end = failure.message.floor_char_boundary(2048);

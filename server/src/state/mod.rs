@@ -15,7 +15,7 @@ use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
 
-pub use crate::state::read::{StoredJob, StoredRound};
+pub use crate::state::read::{StoredJob, StoredLease, StoredRound};
 pub use crate::state::write::{Row, Submission, Submitted};
 
 use crate::error::Error;
@@ -54,15 +54,15 @@ impl State {
 }
 
 fn migrator() -> Migrator {
-    const FIRST_LIGHT: &str = include_str!("../../migrations/0001_first_light.sql");
-    let first = Migration::new(
-        1,
-        "first light".into(),
-        MigrationType::Simple,
-        sqlx::SqlSafeStr::into_sql_str(FIRST_LIGHT),
-        false,
-    );
-    Migrator::with_migrations(vec![first])
+    const STEPS: [(&str, &str); 2] = [
+        ("first light", include_str!("../../migrations/0001_first_light.sql")),
+        ("workers", include_str!("../../migrations/0002_workers.sql")),
+    ];
+    let step = |(version, (name, sql)): (i64, (&'static str, &'static str))| {
+        let sql = sqlx::SqlSafeStr::into_sql_str(sql);
+        Migration::new(version, name.into(), MigrationType::Simple, sql, false)
+    };
+    Migrator::with_migrations((1..).zip(STEPS).map(step).collect())
 }
 
 /// State enums are stored as the text of their serde names.

@@ -1,14 +1,16 @@
 //! Owns the reading statements.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sqlx::Row as _;
 use sqlx::sqlite::SqliteRow;
 
 use crate::digest::Digest;
 use crate::error::Error;
+use crate::farm::past::Past;
 use crate::job::JobRun;
 use crate::model::{Frame, Job, JobState, Record};
+use crate::spec::JobSpec;
 use crate::state::{State, from_json, name_of, parse_digest};
 
 /// A job with its place in the queue.
@@ -31,6 +33,23 @@ pub struct StoredRound {
     pub packs: Vec<Digest>,
 }
 
+/// Tasks that a worker was given.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoredLease {
+    /// Its number.
+    pub fence: u64,
+    /// The worker's id.
+    pub worker: String,
+    /// The job's id.
+    pub job: String,
+    /// Frame number.
+    pub frame: i32,
+    /// Index of the round.
+    pub round: u32,
+    /// The tiles.
+    pub tiles: Vec<u32>,
+}
+
 impl State {
     /// A job as it is now, without its files.
     ///
@@ -40,6 +59,20 @@ impl State {
         let row =
             sqlx::query("SELECT job FROM jobs WHERE id = $1").bind(id).fetch_optional(&self.read).await?;
         from_json(row.ok_or_else(|| Error::JobNotFound(id.to_owned()))?.get("job"))
+    }
+
+    /// What a job asks for, with its files.
+    ///
+    /// # Errors
+    /// [`Error::JobNotFound`]; a failing database.
+    pub async fn spec(&self, id: &str) -> Result<JobSpec, Error> {
+        let row = sqlx::query("SELECT files, job FROM jobs WHERE id = $1")
+            .bind(id)
+            .fetch_optional(&self.read)
+            .await?
+            .ok_or_else(|| Error::JobNotFound(id.to_owned()))?;
+        let job: Job = from_json(row.get("job"))?;
+        Ok(JobSpec { files: from_json(row.get("files"))?, ..job.spec })
     }
 
     /// Up to `limit` jobs in one of `states` (all when empty) whose number is below `before`, the newest first.
@@ -109,6 +142,46 @@ impl State {
         let record =
             |row: &SqliteRow| Ok((row.get::<i64, _>("revision") as u64, from_json(row.get("record"))?));
         rows.iter().map(record).collect()
+    }
+
+    /// All leases of rounds that are being rendered.
+    ///
+    /// # Errors
+    /// A failing database.
+    pub async fn leases(&self) -> Result<Vec<StoredLease>, Error> {
+        let rows = sqlx::query("SELECT fence, worker, job, frame, round, tiles FROM leases ORDER BY fence")
+            .fetch_all(&self.read)
+            .await?;
+        let lease = |row: &SqliteRow| {
+            Ok(StoredLease {
+                fence: row.get::<i64, _>("fence") as u64,
+                worker: row.get("worker"),
+                job: row.get("job"),
+                frame: row.get("frame"),
+                round: row.get::<i64, _>("round") as u32,
+                tiles: from_json(row.get("tiles"))?,
+            })
+        };
+        rows.iter().map(lease).collect()
+    }
+
+    /// What has gone wrong with the tiles of a round.
+    ///
+    /// # Errors
+    /// A failing database.
+    pub(crate) async fn past(
+        &self,
+        job: &str,
+        frame: i32,
+        round: u32,
+    ) -> Result<BTreeMap<u32, Past>, Error> {
+        let rows = sqlx::query("SELECT tile, past FROM pasts WHERE job = $1 AND frame = $2 AND round = $3")
+            .bind(job)
+            .bind(frame)
+            .bind(i64::from(round))
+            .fetch_all(&self.read)
+            .await?;
+        rows.iter().map(|row| Ok((row.get::<i64, _>("tile") as u32, from_json(row.get("past"))?))).collect()
     }
 
     /// Where a frame can go on.

@@ -110,7 +110,7 @@ async fn a_film_replaces_the_packs_of_its_round() {
     assert_eq!(state.round("j1", 1).await.unwrap(), stored);
     assert_eq!(state.packs().await.unwrap().len(), 1, "the other frame's");
     assert_eq!(state.films().await.unwrap().len(), 1);
-    state.commit(&[pack(1, 1, b"s"), Row::ForgetPacks("j1".into(), 2)]).await.unwrap();
+    state.commit(&[pack(1, 1, b"s"), Row::Forget("j1".into(), 2)]).await.unwrap();
     assert_eq!(state.round("j1", 1).await.unwrap().packs, [Digest::of(b"s")]);
     assert_eq!(state.packs().await.unwrap().len(), 1);
 }

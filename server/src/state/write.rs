@@ -4,8 +4,9 @@ use sqlx::{Row as _, Sqlite, Transaction};
 
 use crate::digest::Digest;
 use crate::error::Error;
+use crate::farm::past::Past;
 use crate::model::{Frame, Job, Record};
-use crate::state::{State, from_json, name_of, to_json};
+use crate::state::{State, StoredLease, from_json, name_of, to_json};
 
 /// A job that wants to be stored.
 #[derive(Debug)]
@@ -60,8 +61,23 @@ pub enum Row {
         /// The blob.
         film: Digest,
     },
-    /// A job or frame has ended: its packs are forgotten.
-    ForgetPacks(String, i32),
+    /// One pack takes the place of all others of the round.
+    ReplacePacks {
+        /// The job's id.
+        job: String,
+        /// Frame number.
+        frame: i32,
+        /// The round of all results in the pack.
+        round: u32,
+        /// The blob.
+        pack: Digest,
+    },
+    /// A job or frame has ended: its packs, leases and pasts are forgotten.
+    Forget(String, i32),
+    /// Tasks were given to a worker.
+    Lease(StoredLease),
+    /// Something has gone wrong with a tile: job, frame, round, tile.
+    Past(String, i32, u32, u32, Past),
 }
 
 impl State {
@@ -123,6 +139,18 @@ impl State {
         }
     }
 
+    /// Counts a start of the server: 1 for the first. Fences of different starts differ by it.
+    ///
+    /// # Errors
+    /// A failing database.
+    pub async fn count_start(&self) -> Result<u64, Error> {
+        let starts: i64 =
+            sqlx::query_scalar("UPDATE counters SET value = value + 1 WHERE name = 'starts' RETURNING value")
+                .fetch_one(&self.write)
+                .await?;
+        Ok(starts as u64)
+    }
+
     /// Stores all rows in one transaction; on return they survive a power cut.
     ///
     /// # Errors
@@ -165,35 +193,70 @@ async fn write(tx: &mut Transaction<'_, Sqlite>, row: &Row) -> Result<(), Error>
                 .bind(*revision as i64)
                 .bind(to_json(record))
         }
-        Row::Pack { job, frame, round, pack } => {
-            // The same bytes twice are the same pack: nothing to do.
-            sqlx::query(
-                "INSERT INTO results (job, frame, round, pack) VALUES ($1, $2, $3, $4) ON CONFLICT DO NOTHING",
-            )
-            .bind(job)
-            .bind(frame)
-            .bind(i64::from(*round))
-            .bind(pack.to_string())
+        Row::Pack { job, frame, round, pack } => insert_pack(job, *frame, *round, pack),
+        Row::ReplacePacks { job, frame, round, pack } => {
+            forget(tx, "DELETE FROM results WHERE job = $1 AND frame = $2", job, *frame).await?;
+            insert_pack(job, *frame, *round, pack)
         }
         Row::Film { job, frame, rounds, film } => {
-            forget(tx, job, *frame).await?;
+            forget_all(tx, job, *frame).await?;
             sqlx::query("UPDATE frames SET film = $3, rounds = $4 WHERE job = $1 AND frame = $2")
                 .bind(job)
                 .bind(frame)
                 .bind(film.to_string())
                 .bind(i64::from(*rounds))
         }
-        Row::ForgetPacks(job, frame) => return forget(tx, job, *frame).await,
+        Row::Forget(job, frame) => return forget_all(tx, job, *frame).await,
+        Row::Lease(lease) => sqlx::query(
+            "INSERT INTO leases (fence, worker, job, frame, round, tiles) VALUES ($1, $2, $3, $4, $5, $6)",
+        )
+        .bind(lease.fence as i64)
+        .bind(&lease.worker)
+        .bind(&lease.job)
+        .bind(lease.frame)
+        .bind(i64::from(lease.round))
+        .bind(to_json(&lease.tiles)),
+        Row::Past(job, frame, round, tile, past) => sqlx::query(
+            "INSERT INTO pasts (job, frame, round, tile, past) VALUES ($1, $2, $3, $4, $5) \
+             ON CONFLICT (job, frame, round, tile) DO UPDATE SET past = excluded.past",
+        )
+        .bind(job)
+        .bind(frame)
+        .bind(i64::from(*round))
+        .bind(i64::from(*tile))
+        .bind(to_json(past)),
     };
     query.execute(&mut **tx).await?;
     Ok(())
 }
 
-async fn forget(tx: &mut Transaction<'_, Sqlite>, job: &str, frame: i32) -> Result<(), Error> {
-    sqlx::query("DELETE FROM results WHERE job = $1 AND frame = $2")
+/// The same bytes twice are the same pack: nothing to do then.
+fn insert_pack<'q>(
+    job: &'q str,
+    frame: i32,
+    round: u32,
+    pack: &Digest,
+) -> sqlx::query::Query<'q, Sqlite, sqlx::sqlite::SqliteArguments> {
+    sqlx::query("INSERT INTO results (job, frame, round, pack) VALUES ($1, $2, $3, $4) ON CONFLICT DO NOTHING")
         .bind(job)
         .bind(frame)
-        .execute(&mut **tx)
-        .await?;
+        .bind(i64::from(round))
+        .bind(pack.to_string())
+}
+
+/// A round of the frame has ended: whatever belonged to it is forgotten.
+async fn forget_all(tx: &mut Transaction<'_, Sqlite>, job: &str, frame: i32) -> Result<(), Error> {
+    forget(tx, "DELETE FROM results WHERE job = $1 AND frame = $2", job, frame).await?;
+    forget(tx, "DELETE FROM leases WHERE job = $1 AND frame = $2", job, frame).await?;
+    forget(tx, "DELETE FROM pasts WHERE job = $1 AND frame = $2", job, frame).await
+}
+
+async fn forget(
+    tx: &mut Transaction<'_, Sqlite>,
+    statement: &'static str,
+    job: &str,
+    frame: i32,
+) -> Result<(), Error> {
+    sqlx::query(statement).bind(job).bind(frame).execute(&mut **tx).await?;
     Ok(())
 }

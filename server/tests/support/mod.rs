@@ -2,6 +2,8 @@
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "shared by tests, each uses its part")]
 
+pub mod program;
+
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -14,6 +16,7 @@ use karst_proto::v1::frames_client::FramesClient;
 use karst_proto::v1::jobs_client::JobsClient;
 use karst_proto::v1::previews_client::PreviewsClient;
 use karst_proto::v1::upload_request::Part;
+use karst_proto::v1::workers_client::WorkersClient;
 use karst_proto::v1::{self, job_event};
 use karst_server::config::Config;
 use karst_server::digest::Digest;
@@ -53,6 +56,14 @@ pub fn fading(last: i32) -> String {
     )
 }
 
+/// How long the servers of the tests wait for a worker that is not heard of.
+pub const LEASE: Duration = Duration::from_secs(2);
+
+/// What a server of the tests is told.
+pub fn config(data: &Path, workers: usize) -> Config {
+    Config { data: data.to_owned(), workers, lease: LEASE }
+}
+
 /// A server in this process.
 pub struct TestServer {
     pub url: String,
@@ -64,7 +75,7 @@ impl TestServer {
     pub async fn start(data: &Path, workers: usize) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
-        let config = Config { data: data.to_owned(), workers };
+        let config = config(data, workers);
         let (stop, stopped) = oneshot::channel::<()>();
         let (ready, is_ready) = oneshot::channel();
         let served = tokio::spawn(async move {
@@ -96,6 +107,7 @@ pub struct Client {
     pub jobs: JobsClient<Channel>,
     pub frames: FramesClient<Channel>,
     pub previews: PreviewsClient<Channel>,
+    pub workers: WorkersClient<Channel>,
 }
 
 impl Client {
@@ -106,6 +118,7 @@ impl Client {
             jobs: JobsClient::new(channel.clone()),
             frames: FramesClient::new(channel.clone()),
             previews: PreviewsClient::new(channel.clone()),
+            workers: WorkersClient::new(channel.clone()).max_encoding_message_size(4 << 20),
             channel,
         }
     }
@@ -234,6 +247,13 @@ impl FrameObserver for Quiet {}
 
 /// The same frame without a server: R, G, B of each pixel.
 pub fn render_locally(text: &str, frame: i32, overrides: &Overrides, tile_size: u32) -> Vec<f32> {
+    let scene = build_locally(text, frame, overrides);
+    let film = render_frame(&scene, tile_size, &AtomicBool::new(false), &Quiet).unwrap();
+    colors(&film)
+}
+
+/// The scene of a frame.
+pub fn build_locally(text: &str, frame: i32, overrides: &Overrides) -> Scene {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("meshes")).unwrap();
     std::fs::write(dir.path().join(FLOOR_PATH), FLOOR).unwrap();
@@ -242,9 +262,7 @@ pub fn render_locally(text: &str, frame: i32, overrides: &Overrides, tile_size: 
     let assets = Assets::load(&document, &Folder::new(dir.path()).unwrap(), &limits).unwrap();
     let mut description = document.at(frame).unwrap();
     description.apply(overrides, &limits).unwrap();
-    let scene = Scene::build(&description, &assets, frame).unwrap();
-    let film = render_frame(&scene, tile_size, &AtomicBool::new(false), &Quiet).unwrap();
-    colors(&film)
+    Scene::build(&description, &assets, frame).unwrap()
 }
 
 /// R, G, B of each pixel of a film.
