@@ -57,12 +57,13 @@ pub struct Blobs {
 }
 
 impl Blobs {
-    /// Opens the store in `root`, which is made if it is not there.
+    /// Opens the store in `root`, which is made if it is not there; nobody else may write to it.
     ///
     /// # Errors
     /// When the folder cannot be made or read.
     pub fn open(root: &Path) -> Result<Self, Error> {
         std::fs::create_dir_all(root)?;
+        remove_unfinished(root)?;
         let store = LocalFileSystem::new_with_prefix(root)?.with_fsync(true);
         Ok(Self { store: Arc::new(store), root: root.to_owned() })
     }
@@ -176,6 +177,19 @@ impl Blobs {
     }
 }
 
+/// Deletes what a crash left half written: the store writes NAME#NUMBER and renames it to NAME.
+fn remove_unfinished(folder: &Path) -> Result<(), Error> {
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            remove_unfinished(&entry.path())?;
+        } else if entry.file_name().to_string_lossy().contains('#') {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Blobs, Kind};
@@ -204,6 +218,18 @@ mod tests {
         blobs.delete(Kind::Film, &digest).await.unwrap();
         blobs.delete(Kind::Film, &digest).await.unwrap();
         assert_eq!(blobs.size(Kind::Film, &digest).await.unwrap(), None);
+    }
+
+    #[tokio::test]
+    async fn half_written_files_do_not_survive_the_next_start() {
+        let dir = tempfile::tempdir().unwrap();
+        let digest = Blobs::open(dir.path()).unwrap().put(Kind::Pack, &b"whole"[..]).await.unwrap();
+        let hex = digest.to_string();
+        let half = dir.path().join("packs").join(&hex[..2]).join(format!("{}#1", &hex[2..]));
+        std::fs::write(&half, b"who").unwrap();
+        let blobs = Blobs::open(dir.path()).unwrap();
+        assert!(!half.exists());
+        assert_eq!(blobs.get(Kind::Pack, digest).await.unwrap(), b"whole");
     }
 
     #[tokio::test]
