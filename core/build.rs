@@ -2,6 +2,8 @@
 //!
 //! Everything that can change a bit goes in: the sources, the locked dependencies, the compiler, the instruction sets.
 
+#![allow(clippy::disallowed_methods, reason = "cargo tells build scripts everything through the environment")]
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs, io};

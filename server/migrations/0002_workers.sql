@@ -19,7 +19,7 @@ CREATE TABLE pasts (
     frame INTEGER NOT NULL,
     round BIGINT NOT NULL,
     tile BIGINT NOT NULL,
-    past TEXT NOT NULL,                     -- karst_server::farm::past::Past as JSON
+    past TEXT NOT NULL,                     -- karst_server::past::Past as JSON
     PRIMARY KEY (job, frame, round, tile)
 );
 

@@ -60,7 +60,7 @@ impl Serve {
 /// Options of `work`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Work {
-    /// The server, such as http://127.0.0.1:7878.
+    /// Address of the server.
     #[arg(long, env = "KARST_SERVER", default_value = "http://127.0.0.1:7878", value_name = "URL")]
     pub server: String,
     /// Threads that render; by default one per processor.
@@ -164,7 +164,8 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
-        let Command::Serve(serve) = Cli::parse_from(["karst-server", "serve", "--workers", "0"]).command else {
+        let Command::Serve(serve) = Cli::parse_from(["karst-server", "serve", "--workers", "0"]).command
+        else {
             panic!("serve");
         };
         assert_eq!((serve.config().workers, serve.config().lease.as_secs()), (0, 30));

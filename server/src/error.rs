@@ -85,7 +85,9 @@ pub enum Error {
     #[error("no blob {0} here: upload it first")]
     BlobNotFound(Digest),
     /// A worker was built from another core.
-    #[error("this server takes results of core {server}, found {worker}: start the worker from the same build")]
+    #[error(
+        "this server takes results of core {server}, found {worker}: start the worker from the same build"
+    )]
     BuildMismatch {
         /// The build of this server's core.
         server: &'static str,

@@ -9,6 +9,7 @@
 //! | [`service`] | `karst.v1`: convert, ask, convert |
 //! | [`error`] | every way a call fails, and the one mapping to gRPC statuses |
 //! | [`model`] [`spec`] [`job`] | what a job is, and the pure machine that says what may happen to it |
+//! | [`past`] | what went wrong with a tile, and when it is not tried again |
 //! | [`state`] | SQL |
 //! | [`blobs`] [`uploads`] [`digest`] | bytes by their SHA-256 |
 //! | [`farm`] | the event loop, the workers, the ledger that makes things durable |
@@ -28,6 +29,7 @@ pub mod error;
 pub mod farm;
 pub mod job;
 pub mod model;
+pub mod past;
 pub mod preview;
 pub mod service;
 pub mod spec;
@@ -204,11 +206,7 @@ impl Machinery {
     }
 }
 
-async fn router(
-    shared: &Arc<Shared>,
-    uploads: Uploads,
-    outlets: Outlets,
-) -> Result<Router, Error> {
+async fn router(shared: &Arc<Shared>, uploads: Uploads, outlets: Outlets) -> Result<Router, Error> {
     let films = Arc::new(Semaphore::new(HEAVY));
     let assets = AssetsServer::new(AssetsService {
         blobs: shared.blobs.clone(),

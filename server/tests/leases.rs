@@ -49,7 +49,10 @@ impl Puppet {
         }
     }
 
-    async fn call(&mut self, request: UpdateWorkerSessionRequest) -> Result<v1::UpdateWorkerSessionResponse, Status> {
+    async fn call(
+        &mut self,
+        request: UpdateWorkerSessionRequest,
+    ) -> Result<v1::UpdateWorkerSessionResponse, Status> {
         Ok(self.client.workers.update_worker_session(request).await?.into_inner())
     }
 
@@ -106,7 +109,15 @@ impl Puppet {
 
 fn report(fence: u64, tile: u32, result: Vec<u8>) -> TaskReport {
     let digest = Digest::of(&result).to_string();
-    TaskReport { fence, tile, end: TaskEnd::Done.into(), result: result.into(), digest, seconds: 0.01, message: String::new() }
+    TaskReport {
+        fence,
+        tile,
+        end: TaskEnd::Done.into(),
+        result: result.into(),
+        digest,
+        seconds: 0.01,
+        message: String::new(),
+    }
 }
 
 /// A result in which one bit of one pixel is wrong.
@@ -156,7 +167,10 @@ async fn strangers_and_other_builds_are_refused_with_the_reason() {
     let mut puppet = s.puppet("a");
     let other = UpdateWorkerSessionRequest { core_build: "0.0.1+old".into(), ..puppet.request() };
     let status = puppet.call(other.clone()).await.unwrap_err();
-    assert!(status.message().contains("0.0.1+old") && status.message().contains(karst_core::BUILD), "{status}");
+    assert!(
+        status.message().contains("0.0.1+old") && status.message().contains(karst_core::BUILD),
+        "{status}"
+    );
     assert_eq!(refusal(Err::<(), _>(status)), (Code::FailedPrecondition, "BUILD_MISMATCH".to_owned()));
     for bad in [
         UpdateWorkerSessionRequest { worker: String::new(), ..puppet.request() },
@@ -189,7 +203,11 @@ async fn results_that_do_not_fit_are_refused_and_rendered_again() {
     let (verdict, message) = b.send(honest.clone()).await;
     assert_eq!(verdict, Verdict::Refused, "the lease is another's");
     assert!(message.contains("never given"), "{message}");
-    assert_eq!(a.send(report(lease.fence, 11, honest.result.to_vec())).await.0, Verdict::Refused, "another tile");
+    assert_eq!(
+        a.send(report(lease.fence, 11, honest.result.to_vec())).await.0,
+        Verdict::Refused,
+        "another tile"
+    );
     assert_eq!(a.send(TaskReport { fence: u64::MAX, ..honest.clone() }).await.0, Verdict::Refused);
     let cut = honest.result.slice(..honest.result.len() / 2);
     let (verdict, message) = a.send(TaskReport { result: cut.clone(), ..honest.clone() }).await;
@@ -198,7 +216,8 @@ async fn results_that_do_not_fit_are_refused_and_rendered_again() {
     // Cut, and honest about the cut: counts as a failure at this worker, so another one gets the task.
     let lease = b.lease().await;
     let honest = b.render(&lease, &lease.tiles[0]);
-    let (verdict, message) = b.send(report(lease.fence, lease.tiles[0].tile, honest.result[..200].to_vec())).await;
+    let (verdict, message) =
+        b.send(report(lease.fence, lease.tiles[0].tile, honest.result[..200].to_vec())).await;
     assert_eq!(verdict, Verdict::Refused);
     assert!(message.contains("length"), "{message}");
     let job = a.finish(&s.job).await;
@@ -240,7 +259,11 @@ async fn workers_that_disagree_are_judged() {
         let liar = if honest_first { &mut b } else { &mut a };
         let request = liar.request();
         let refused = refusal(liar.call(request).await);
-        assert_eq!(refused, (Code::PermissionDenied, "WORKER_BLOCKED".to_owned()), "honest first: {honest_first}");
+        assert_eq!(
+            refused,
+            (Code::PermissionDenied, "WORKER_BLOCKED".to_owned()),
+            "honest first: {honest_first}"
+        );
         let kept = std::fs::read_dir(s.dir.path().join("blobs/disputes")).unwrap().count();
         assert_eq!(kept, 2, "both results");
         s.check(&job).await;

@@ -102,7 +102,12 @@ async fn check_frames(client: &mut Client, job: &str, text: &str) {
     for frame in client.frame_list(job).await {
         assert_eq!(frame.state(), FrameState::Finished);
         let local = render_locally(text, frame.frame, &Overrides::default(), 64);
-        assert_eq!(hash(&client.collect(job, frame.frame).await.unwrap()), hash(&local), "frame {}", frame.frame);
+        assert_eq!(
+            hash(&client.collect(job, frame.frame).await.unwrap()),
+            hash(&local),
+            "frame {}",
+            frame.frame
+        );
         let samples = local.len() as u64 / 3 * frame.spp as u64;
         assert_eq!(frame.statistics.unwrap().samples, samples, "nothing counted twice");
     }

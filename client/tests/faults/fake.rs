@@ -14,9 +14,10 @@ use karst_proto::v1::jobs_server::{Jobs, JobsServer};
 use karst_proto::v1::upload_request::Part;
 use karst_proto::v1::{
     CancelJobRequest, CollectTilesRequest, CollectedTile, DownloadFrameRequest, DownloadFrameResponse,
-    DownloadStart, FindMissingRequest, FindMissingResponse, GetJobRequest, Job, JobEvent, JobState,
-    ListFramesRequest, ListFramesResponse, ListJobsRequest, ListJobsResponse, QueryUploadRequest,
-    QueryUploadResponse, RoundFinished, SubmitJobRequest, UploadRequest, UploadResponse, WatchJobRequest,
+    DownloadRequest, DownloadResponse, DownloadStart, FindMissingRequest, FindMissingResponse, GetJobRequest,
+    Job, JobEvent, JobState, ListFramesRequest, ListFramesResponse, ListJobsRequest, ListJobsResponse,
+    QueryUploadRequest, QueryUploadResponse, RoundFinished, SubmitJobRequest, UploadRequest, UploadResponse,
+    WatchJobRequest,
 };
 use tokio_stream::wrappers::TcpListenerStream;
 use tonic::{Code, Request, Response, Status, Streaming};
@@ -79,6 +80,12 @@ fn known(job: &str) -> Result<(), Status> {
 
 #[tonic::async_trait]
 impl Assets for Shared {
+    type DownloadStream = BoxStream<'static, Result<DownloadResponse, Status>>;
+
+    async fn download(&self, _: Request<DownloadRequest>) -> Result<Response<Self::DownloadStream>, Status> {
+        Err(Status::unimplemented("only workers call it"))
+    }
+
     async fn find_missing(
         &self,
         request: Request<FindMissingRequest>,

@@ -45,7 +45,12 @@ impl Pace {
 ///
 /// Guided self-scheduling (Polychronopoulos and Kuck 1987): nobody takes more than half of his share of what is
 /// open, so leases shrink towards the end of a round and all end at about the same time.
-pub(crate) fn batch(pace: Pace, idle: u32, open: usize, everybody: usize) -> impl FnMut(&Task) -> bool + use<> {
+pub(crate) fn batch(
+    pace: Pace,
+    idle: u32,
+    open: usize,
+    everybody: usize,
+) -> impl FnMut(&Task) -> bool + use<> {
     let idle = idle.max(1) as usize;
     let share = (open * idle).div_ceil(2 * everybody.max(1));
     let most = share.clamp(idle, MOST);

@@ -169,7 +169,8 @@ fn stored(frame: &LiveFrame, task: &Task) -> StoredRound {
 
 /// Renders a disputed task here and gives the result to the ledger. Blocks.
 pub(super) fn judge(task: Task, ledger: &mpsc::Sender<Entry>) {
-    let Some(result) = render_tile(&task.frame.scene, &task.frame.grid, task.tile, &task.round, &task.frame.stop)
+    let Some(result) =
+        render_tile(&task.frame.scene, &task.frame.grid, task.tile, &task.round, &task.frame.stop)
     else {
         return;
     };

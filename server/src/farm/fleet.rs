@@ -12,8 +12,8 @@ use tokio::time::Instant;
 
 use crate::farm::batch::{Pace, batch};
 use crate::farm::live::Live;
-use crate::farm::past::{Past, Trouble};
 use crate::farm::queue::{Queue, Task};
+use crate::past::{Past, Trouble};
 use crate::state::StoredLease;
 
 /// A task of which nothing was heard for this many times its expected duration gets a copy elsewhere, when somebody
@@ -22,7 +22,7 @@ const SLOW: f64 = 3.0;
 /// No copies of tasks that are younger than this part of the time to live.
 const YOUNG: u32 = 15;
 /// Workers that were not heard of for so long are forgotten.
-const FORGET: Duration = Duration::from_secs(3600);
+const FORGET: Duration = Duration::from_hours(1);
 
 /// A worker as it presents itself.
 #[derive(Debug, Clone)]
@@ -273,14 +273,12 @@ impl Fleet {
             }
             worker.lost = true;
             tracing::warn!(worker = %worker.name, "not heard of for {:?}: its tasks go to others", self.ttl);
-            for held in held.values_mut().filter(|h| h.worker == *id) {
-                // Tasks are done in order, one a thread: those behind were not begun.
-                let tasks = std::mem::take(&mut held.tasks).into_iter().filter(Task::is_open).enumerate();
-                troubles.extend(tasks.map(|(i, task)| {
-                    let begun = i < worker.threads as usize;
-                    (id.clone(), task, if begun { Trouble::Lost } else { Trouble::Interrupted })
-                }));
-            }
+            let of_worker = held.values_mut().filter(|h| h.worker == *id);
+            troubles.extend(
+                of_worker
+                    .flat_map(|h| h.expire(worker.threads as usize))
+                    .map(|(t, why)| (id.clone(), t, why)),
+            );
         }
         held.retain(|_, h| h.given.iter().any(Task::is_current));
         workers.retain(|_, w| w.blocked.is_some() || now.duration_since(w.seen) < FORGET);
@@ -314,6 +312,14 @@ impl Fleet {
 impl Held {
     fn new(worker: &str, tasks: Vec<Task>, stored: bool) -> Self {
         Self { worker: worker.to_owned(), granted: Instant::now(), stored, given: tasks.clone(), tasks }
+    }
+
+    /// Takes back what is not reported. Tasks are done in order, one a thread: those behind were not begun.
+    fn expire(&mut self, threads: usize) -> Vec<(Task, Trouble)> {
+        let tasks = std::mem::take(&mut self.tasks).into_iter().filter(Task::is_open).enumerate();
+        tasks
+            .map(|(i, task)| (task, if i < threads { Trouble::Lost } else { Trouble::Interrupted }))
+            .collect()
     }
 }
 
@@ -372,9 +378,8 @@ impl Inner {
 
     /// The task of somebody else that takes longest beyond what was expected.
     fn slowest_of_others(&self, worker: &str, workers: usize, young: Duration) -> Option<Task> {
-        let copies = |task: &Task| {
-            self.held.values().filter(|h| h.tasks.iter().any(|t| t.is_same(task))).count()
-        };
+        let copies =
+            |task: &Task| self.held.values().filter(|h| h.tasks.iter().any(|t| t.is_same(task))).count();
         let expected = |held: &Held, task: &Task| {
             let pace = self.workers.get(&held.worker).map(|w| &w.pace);
             pace.and_then(|p| p.seconds(task)).unwrap_or(0.0)

@@ -9,8 +9,8 @@ use karst_core::scene::{Assets, Document, Folder, Limits, Overrides, Scene};
 
 use super::{Caller, Fleet, Found, Refusal};
 use crate::farm::live::{Live, LiveFrame, Merged};
-use crate::farm::past::{Past, Trouble};
 use crate::farm::queue::{Queue, Task};
+use crate::past::{Past, Trouble};
 use crate::state::StoredLease;
 
 const SCENE: &str = r#"{ "version": 1, "film": {"width": 64, "height": 64},
@@ -77,7 +77,7 @@ fn caller(worker: &str, sequence: u64, held: &[u64]) -> Caller {
     }
 }
 
-const LONG: Duration = Duration::from_secs(60);
+const LONG: Duration = Duration::from_mins(1);
 
 #[tokio::test]
 async fn a_lease_is_repeated_until_its_worker_lists_it() {

@@ -10,11 +10,11 @@ use tokio::time::Instant;
 
 use crate::farm::Checked;
 use crate::farm::live::LiveFrame;
-use crate::farm::past::Past;
 use crate::farm::prepare::{Context, Opened};
 use crate::farm::progress::Meter;
 use crate::job::JobRun;
 use crate::model::FrameState;
+use crate::past::Past;
 use crate::state::StoredJob;
 
 /// Where a frame stands; a frame without a stage waits for its turn or has ended.

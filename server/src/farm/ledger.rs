@@ -139,7 +139,9 @@ impl Ledger {
 
     async fn write(&self, group: Vec<Entry>) {
         let mut sorted = Group::default();
-        group.into_iter().for_each(|entry| sorted.add(entry));
+        for entry in group {
+            sorted.add(entry);
+        }
         let Group { mut results, again, mut rows, thens, films, given_up } = sorted;
         let mut old = Vec::new();
         // A round's results were written before its film was made, so results beside a film are of the next round:
@@ -154,8 +156,8 @@ impl Ledger {
         for frame in given_up {
             old.extend(frame.merged().packs.drain(..).map(|pack| (Kind::Pack, pack)));
         }
-        for results in results.values_mut() {
-            results.iter_mut().for_each(|r| r.answer(Verdict::Accepted));
+        for result in results.values_mut().flatten() {
+            result.answer(Verdict::Accepted);
         }
         for (_, results) in results {
             self.merge(results).await;

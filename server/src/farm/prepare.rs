@@ -18,8 +18,8 @@ use crate::digest::Digest;
 use crate::error::Error;
 use crate::farm::ledger::unpack;
 use crate::farm::live::{LiveFrame, Merged, Vote};
-use crate::farm::past::Past;
 use crate::farm::queue::SERVER;
+use crate::past::Past;
 use crate::spec::{Frames, JobSpec};
 use crate::state::{State, StoredRound};
 

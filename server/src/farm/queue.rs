@@ -12,7 +12,7 @@ use karst_core::film::Round;
 use tokio::sync::Notify;
 
 use crate::farm::live::LiveFrame;
-use crate::farm::past::Past;
+use crate::past::Past;
 
 /// What the worker inside the server is called where workers have names.
 pub(crate) const SERVER: &str = "server";

@@ -14,12 +14,12 @@ use crate::farm::finish::finish;
 use crate::farm::jobs::{Begun, Rendering, Stage};
 use crate::farm::ledger::NewFilm;
 use crate::farm::live::LiveFrame;
-use crate::farm::past::Past;
 use crate::farm::prepare::{self, Context, Opened};
 use crate::farm::queue::Task;
 use crate::farm::{Event, Farm, Plan, Shared};
 use crate::job::Event as JobEvent;
 use crate::model::{FrameState, RoundReport, Statistics};
+use crate::past::Past;
 use crate::spec::JobSpec;
 
 /// Frames that are rendered, finished or made ready at the same time: bounds the memory for films and scenes.

@@ -9,10 +9,10 @@ use crate::farm::Farm;
 use crate::farm::dispute::judge;
 use crate::farm::ledger::{Entry, Rows};
 use crate::farm::live::LiveFrame;
-use crate::farm::past::Trouble;
 use crate::farm::queue::Task;
 use crate::job::Event as JobEvent;
 use crate::model::{Cause, Failure};
+use crate::past::Trouble;
 use crate::state::Row;
 
 impl Farm {

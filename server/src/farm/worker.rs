@@ -16,8 +16,8 @@ use crate::error::Error;
 use crate::farm::Event;
 use crate::farm::ledger::{Entry, Rendered};
 use crate::farm::live::Vote;
-use crate::farm::past::Trouble;
 use crate::farm::queue::{Popped, Queue, SERVER, Task};
+use crate::past::Trouble;
 
 /// Ways to the parts of the farm.
 #[derive(Debug, Clone)]
@@ -32,7 +32,7 @@ pub(crate) struct Outlets {
 }
 
 /// How long a thread waits for a task before it looks for other things to do.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Starts `count` worker threads; they end when the queue is closed.
 ///

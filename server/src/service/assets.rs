@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use karst_proto::v1::assets_server::Assets;
 use karst_proto::v1::{
-    DownloadRequest, DownloadResponse, FindMissingRequest, FindMissingResponse, QueryUploadRequest, QueryUploadResponse, UploadRequest,
-    UploadResponse, UploadStart, upload_request::Part,
+    DownloadRequest, DownloadResponse, FindMissingRequest, FindMissingResponse, QueryUploadRequest,
+    QueryUploadResponse, UploadRequest, UploadResponse, UploadStart, upload_request::Part,
 };
 use karst_proto::{MAX_CHUNK_BYTES, MAX_DIGESTS};
 use tokio::time::timeout;

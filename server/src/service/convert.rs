@@ -80,7 +80,8 @@ pub(crate) fn job(job: &Job) -> v1::Job {
 
 /// A job's scene with its files, for workers.
 pub(crate) fn spec_with_files(spec: &JobSpec) -> v1::JobSpec {
-    let file = |(path, digest): (&String, &Digest)| v1::SceneFile { path: path.clone(), digest: digest.to_string() };
+    let file =
+        |(path, digest): (&String, &Digest)| v1::SceneFile { path: path.clone(), digest: digest.to_string() };
     let files = spec.files.iter().map(file).collect();
     let scene = Some(v1::Scene { digest: spec.scene.to_string(), files });
     v1::JobSpec { scene, ..spec_to_wire(spec) }

@@ -20,10 +20,10 @@ use crate::error::Error;
 use crate::farm::fleet::{Caller, Found, Lease, Refusal};
 use crate::farm::ledger::{Entry, Rendered, Rows, Verdict};
 use crate::farm::live::Vote;
-use crate::farm::past::Trouble;
 use crate::farm::queue::Task;
 use crate::farm::worker::Outlets;
 use crate::farm::{Event, Shared};
+use crate::past::Trouble;
 use crate::service::convert;
 use crate::state::Row;
 
@@ -62,7 +62,10 @@ impl Workers for WorkersService {
 }
 
 impl WorkersService {
-    async fn update(&self, request: UpdateWorkerSessionRequest) -> Result<UpdateWorkerSessionResponse, Error> {
+    async fn update(
+        &self,
+        request: UpdateWorkerSessionRequest,
+    ) -> Result<UpdateWorkerSessionResponse, Error> {
         let caller = check(&request)?;
         let (fleet, live) = (&self.shared.fleet, &self.shared.live);
         fleet.present(&caller).map_err(refused)?;
@@ -110,7 +113,10 @@ impl WorkersService {
             Found::Later => return Ok(Taken::Later),
             Found::Closed => return Ok(Taken::Decided(v1::Verdict::Closed)),
             Found::Never => {
-                let text = format!("lease {} with tile {} was never given to this worker", report.fence, report.tile);
+                let text = format!(
+                    "lease {} with tile {} was never given to this worker",
+                    report.fence, report.tile
+                );
                 return Ok(Taken::Refused(text));
             }
         };
@@ -157,7 +163,9 @@ impl WorkersService {
         let last = task.frame.tile_rendered(task.tile);
         let vote = Vote { worker: worker.to_owned(), digest };
         let entry = Rendered { task, result, bytes, vote, last, ack: Some(ack) };
-        self.send(Entry::Rendered(Box::new(entry))).await.ok_or(Error::Unavailable("the server is stopping"))?;
+        self.send(Entry::Rendered(Box::new(entry)))
+            .await
+            .ok_or(Error::Unavailable("the server is stopping"))?;
         Ok(Taken::Writing(acked))
     }
 
@@ -294,7 +302,9 @@ async fn read_result(
         let digest = Digest::of(&report.result);
         if report.digest != digest.to_string() {
             let length = report.result.len();
-            return Err(format!("the {length} bytes of the result do not have the digest that came with them"));
+            return Err(format!(
+                "the {length} bytes of the result do not have the digest that came with them"
+            ));
         }
         let result = TileResult::from_bytes(&report.result, &grid, &round).map_err(|e| e.to_string())?;
         if result.tile != tile {
@@ -320,7 +330,10 @@ fn lease_to_wire(lease: &Lease) -> v1::Lease {
             let range = &task.round.blocks[block as usize];
             [range.a.start, range.a.end, range.b.start, range.b.end]
         };
-        v1::TileTask { tile: task.tile, ranges: task.frame.grid.tile_blocks(task.tile).flat_map(of).collect() }
+        v1::TileTask {
+            tile: task.tile,
+            ranges: task.frame.grid.tile_blocks(task.tile).flat_map(of).collect(),
+        }
     };
     let first = lease.tasks.first();
     v1::Lease {

@@ -7,9 +7,9 @@ use sqlx::sqlite::SqliteRow;
 
 use crate::digest::Digest;
 use crate::error::Error;
-use crate::farm::past::Past;
 use crate::job::JobRun;
 use crate::model::{Frame, Job, JobState, Record};
+use crate::past::Past;
 use crate::spec::JobSpec;
 use crate::state::{State, from_json, name_of, parse_digest};
 
@@ -169,12 +169,7 @@ impl State {
     ///
     /// # Errors
     /// A failing database.
-    pub(crate) async fn past(
-        &self,
-        job: &str,
-        frame: i32,
-        round: u32,
-    ) -> Result<BTreeMap<u32, Past>, Error> {
+    pub(crate) async fn past(&self, job: &str, frame: i32, round: u32) -> Result<BTreeMap<u32, Past>, Error> {
         let rows = sqlx::query("SELECT tile, past FROM pasts WHERE job = $1 AND frame = $2 AND round = $3")
             .bind(job)
             .bind(frame)

@@ -4,8 +4,8 @@ use sqlx::{Row as _, Sqlite, Transaction};
 
 use crate::digest::Digest;
 use crate::error::Error;
-use crate::farm::past::Past;
 use crate::model::{Frame, Job, Record};
+use crate::past::Past;
 use crate::state::{State, StoredLease, from_json, name_of, to_json};
 
 /// A job that wants to be stored.
@@ -237,11 +237,13 @@ fn insert_pack<'q>(
     round: u32,
     pack: &Digest,
 ) -> sqlx::query::Query<'q, Sqlite, sqlx::sqlite::SqliteArguments> {
-    sqlx::query("INSERT INTO results (job, frame, round, pack) VALUES ($1, $2, $3, $4) ON CONFLICT DO NOTHING")
-        .bind(job)
-        .bind(frame)
-        .bind(i64::from(round))
-        .bind(pack.to_string())
+    sqlx::query(
+        "INSERT INTO results (job, frame, round, pack) VALUES ($1, $2, $3, $4) ON CONFLICT DO NOTHING",
+    )
+    .bind(job)
+    .bind(frame)
+    .bind(i64::from(round))
+    .bind(pack.to_string())
 }
 
 /// A round of the frame has ended: whatever belonged to it is forgotten.

@@ -90,7 +90,7 @@ impl Cache {
         let mut hasher = Digest::hasher();
         let mut calls = AssetsClient::new(link.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let request = DownloadRequest { digest: digest.to_string(), offset: 0 };
-        let mut stream = calls.download(link.request(request)).await.map_err(server)?.into_inner();
+        let mut stream = calls.download(request).await.map_err(server)?.into_inner();
         while let Some(part) = stream.message().await.map_err(server)? {
             hasher.update(&part.chunk);
             file.write_all(&part.chunk).map_err(disk)?;

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use tonic::Request;
 use tonic::transport::{Channel, Endpoint};
 
 use crate::work::WorkError;
@@ -24,7 +23,9 @@ impl Link {
             .ok()
             .filter(|endpoint| matches!(endpoint.uri().scheme_str(), Some("http" | "https")))
             .ok_or_else(|| {
-                WorkError::Usage(format!("--server: found {server:?}, expected http://HOST:PORT or https://HOST:PORT"))
+                WorkError::Usage(format!(
+                    "--server: found {server:?}, expected http://HOST:PORT or https://HOST:PORT"
+                ))
             })?
             .connect_timeout(Duration::from_secs(5))
             .http2_keep_alive_interval(Duration::from_secs(10))
@@ -32,10 +33,5 @@ impl Link {
             .keep_alive_while_idle(true)
             .tcp_nodelay(true);
         Ok(Self { channel: endpoint.connect_lazy() })
-    }
-
-    /// A request of this worker.
-    pub(crate) fn request<T>(&self, message: T) -> Request<T> {
-        Request::new(message)
     }
 }

@@ -60,7 +60,13 @@ impl Desk {
 
     /// Leases with tasks that the server does not know the end of.
     pub(crate) fn held(&self) -> Vec<u64> {
-        self.open.keys().copied().chain(self.reports.iter().map(|r| r.fence)).collect::<BTreeSet<_>>().into_iter().collect()
+        self.open
+            .keys()
+            .copied()
+            .chain(self.reports.iter().map(|r| r.fence))
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect()
     }
 
     /// Reports for the next request: the oldest, as many as fit.
@@ -101,12 +107,16 @@ mod tests {
     }
 
     fn answer(leases: Vec<Lease>, named: &[(u64, u32)], revoked: &[u64]) -> UpdateWorkerSessionResponse {
-        let verdicts = named.iter().map(|&(fence, tile)| TaskVerdict { fence, tile, ..Default::default() }).collect();
+        let verdicts =
+            named.iter().map(|&(fence, tile)| TaskVerdict { fence, tile, ..Default::default() }).collect();
         UpdateWorkerSessionResponse { verdicts, leases, revoked: revoked.to_vec(), ttl_milliseconds: 1 }
     }
 
     fn done(fence: u64, tile: u32, bytes: usize) -> TaskReport {
-        TaskReport { result: vec![0; bytes].into(), ..without_result(fence, tile, TaskEnd::Done, String::new()) }
+        TaskReport {
+            result: vec![0; bytes].into(),
+            ..without_result(fence, tile, TaskEnd::Done, String::new())
+        }
     }
 
     #[test]

@@ -18,7 +18,8 @@ use karst_proto::MAX_WORKER_MESSAGE_BYTES;
 use karst_proto::errors::{ErrorReason, reason};
 use karst_proto::v1::workers_client::WorkersClient;
 use karst_proto::v1::{
-    Lease, TaskEnd, TaskReport, TileTask, UpdateWorkerSessionRequest, UpdateWorkerSessionResponse, WorkerState,
+    Lease, TaskEnd, TaskReport, TileTask, UpdateWorkerSessionRequest, UpdateWorkerSessionResponse,
+    WorkerState,
 };
 use tokio::sync::{Mutex, mpsc};
 use tokio::time::{Instant, sleep, timeout};
@@ -183,14 +184,19 @@ impl Worker {
             idle_threads,
             wait,
         };
-        let call = self.calls.update_worker_session(self.link.request(request));
+        let call = self.calls.update_worker_session(request);
         let answer = timeout(ANSWER, call).await.map_err(|_| Status::unavailable("no answer in time"))?;
         Ok(answer?.into_inner())
     }
 
     fn take(&mut self, answer: UpdateWorkerSessionResponse) {
         for refused in answer.verdicts.iter().filter(|v| !v.message.is_empty()) {
-            tracing::warn!(fence = refused.fence, tile = refused.tile, "the server refused: {}", refused.message);
+            tracing::warn!(
+                fence = refused.fence,
+                tile = refused.tile,
+                "the server refused: {}",
+                refused.message
+            );
         }
         for fence in &answer.revoked {
             self.pool.take_back(Some(*fence));
@@ -211,7 +217,8 @@ impl Worker {
         if self.desk.is_empty() {
             return;
         }
-        let pause = if self.pool.waiting() + self.opening < self.config.threads { ASK } else { self.heartbeat };
+        let pause =
+            if self.pool.waiting() + self.opening < self.config.threads { ASK } else { self.heartbeat };
         let until = Instant::now() + pause.min(self.heartbeat);
         while !self.desk.has_reports() {
             match tokio::time::timeout_at(until, self.hears.recv()).await {
@@ -275,7 +282,11 @@ impl Worker {
             tracing::warn!("{} does not answer: {text}; trying again", self.config.server);
         }
         if let Some(patience) = self.config.patience.filter(|p| since.elapsed() > *p) {
-            return Err(WorkError::Away { server: self.config.server.clone(), waited: patience, cause: text });
+            return Err(WorkError::Away {
+                server: self.config.server.clone(),
+                waited: patience,
+                cause: text,
+            });
         }
         self.away = Some((since, (wait * 2).min(RETRY.1)));
         sleep(jittered(wait)).await;
@@ -304,16 +315,12 @@ impl Worker {
             }
             let next = if Instant::now() < stop_at { stop_at } else { end };
             let until = (Instant::now() + self.heartbeat).min(next);
-            while !self.desk.has_reports() {
-                match tokio::time::timeout_at(until, self.hears.recv()).await {
-                    Ok(Some(News::Opened(lease, _))) => {
-                        for task in &lease.tiles {
-                            let report = without_result(lease.fence, task.tile, TaskEnd::Interrupted, String::new());
-                            self.desk.report(report);
-                        }
-                    }
-                    Ok(Some(news)) => self.hear(news),
-                    Ok(None) | Err(_) => break,
+            while !self.desk.has_reports()
+                && let Ok(Some(news)) = tokio::time::timeout_at(until, self.hears.recv()).await
+            {
+                match news {
+                    News::Opened(lease, _) => self.hand_back(&lease),
+                    News::Ended(..) => self.hear(news),
                 }
             }
             if self.desk.has_reports() {
@@ -326,6 +333,13 @@ impl Worker {
             tracing::warn!("ended with {left} leases that the server has not heard the end of: they expire");
         }
         Ok(())
+    }
+
+    fn hand_back(&mut self, lease: &Lease) {
+        for task in &lease.tiles {
+            let report = without_result(lease.fence, task.tile, TaskEnd::Interrupted, String::new());
+            self.desk.report(report);
+        }
     }
 
     fn take_verdicts(&mut self, mut answer: UpdateWorkerSessionResponse) {
@@ -358,7 +372,11 @@ fn fill(blocks: &mut [SampleRange], task: &TileTask, grid: &TileGrid) -> Result<
     }
     let of_tile: Vec<u32> = grid.tile_blocks(tile).collect();
     if task.ranges.len() != of_tile.len() * 4 {
-        return Err(format!("tile {tile}: found {} numbers, expected four for each of {} blocks", task.ranges.len(), of_tile.len()));
+        return Err(format!(
+            "tile {tile}: found {} numbers, expected four for each of {} blocks",
+            task.ranges.len(),
+            of_tile.len()
+        ));
     }
     for (block, r) in of_tile.into_iter().zip(task.ranges.chunks_exact(4)) {
         if r[0] > r[1] || r[2] > r[3] {

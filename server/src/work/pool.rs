@@ -59,7 +59,11 @@ impl Pool {
     ///
     /// # Errors
     /// When the system has no more threads.
-    pub(crate) fn start(self: &Arc<Self>, threads: usize, news: &mpsc::UnboundedSender<News>) -> io::Result<()> {
+    pub(crate) fn start(
+        self: &Arc<Self>,
+        threads: usize,
+        news: &mpsc::UnboundedSender<News>,
+    ) -> io::Result<()> {
         for i in 0..threads {
             let (pool, news) = (Arc::clone(self), news.clone());
             let builder = std::thread::Builder::new().name(format!("karst-render-{i}"));
@@ -101,7 +105,10 @@ impl Pool {
         self.changed.notify_all();
     }
 
-    #[expect(clippy::disallowed_methods, reason = "how long a tile took decides how much comes next, never a pixel")]
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "how long a tile took decides how much comes next, never a pixel"
+    )]
     fn run(&self, news: &mpsc::UnboundedSender<News>) {
         while let Some(task) = self.next() {
             let began = Instant::now();

@@ -50,7 +50,12 @@ impl Scenes {
     ///
     /// # Errors
     /// Says what could not be had or built.
-    pub(crate) async fn frame(&mut self, job: &str, frame: i32, link: &Link) -> Result<Arc<WorkFrame>, String> {
+    pub(crate) async fn frame(
+        &mut self,
+        job: &str,
+        frame: i32,
+        link: &Link,
+    ) -> Result<Arc<WorkFrame>, String> {
         let key = (job.to_owned(), frame);
         if let Some((_, frame)) = self.frames.iter().find(|(k, _)| *k == key) {
             return Ok(Arc::clone(frame));
@@ -71,7 +76,7 @@ impl Scenes {
             return Ok(Arc::clone(context));
         }
         let mut calls = WorkersClient::new(link.channel.clone());
-        let request = link.request(GetJobSpecRequest { job: job.to_owned() });
+        let request = GetJobSpecRequest { job: job.to_owned() };
         let spec = calls.get_job_spec(request).await.map_err(|e| e.message().to_owned())?.into_inner();
         let context = Arc::new(self.load(&spec, link).await?);
         keep(&mut self.jobs, job.to_owned(), Arc::clone(&context));

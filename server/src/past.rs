@@ -72,7 +72,9 @@ mod tests {
 
     fn after(troubles: &[(&str, Trouble)]) -> Past {
         let mut past = Past::default();
-        troubles.iter().for_each(|(worker, trouble)| past.add(worker, trouble));
+        for (worker, trouble) in troubles {
+            past.add(worker, trouble);
+        }
         past
     }
 
@@ -102,7 +104,9 @@ mod tests {
 
     #[test]
     fn losses_count_and_interruptions_do_not() {
-        assert!(after(&[("a", Trouble::Lost), ("b", Trouble::Lost), ("c", Trouble::Lost)]).given_up(9).is_some());
+        assert!(
+            after(&[("a", Trouble::Lost), ("b", Trouble::Lost), ("c", Trouble::Lost)]).given_up(9).is_some()
+        );
         let often = after(&vec![("a", Trouble::Interrupted); 1000]);
         assert_eq!(often.given_up(1), None);
         assert!(!often.is_suspect());
