@@ -5,9 +5,10 @@ mod values;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use karst_client::DEFAULT_SERVER;
+use karst_client::{Client, DEFAULT_SERVER, Error};
 use karst_core::film::Region;
 use karst_core::scene::Overrides;
+use karst_proto::connect::bearer;
 
 pub(crate) use values::FrameList;
 use values::{crop, frames, positive, size, tile_size};
@@ -57,6 +58,22 @@ pub(crate) struct ServerArgs {
     /// Address of the server.
     #[arg(long, env = "KARST_SERVER", value_name = "URL", default_value = DEFAULT_SERVER)]
     pub(crate) server: String,
+    /// File with the token for it; on the machine and account of the server it is found by itself.
+    #[arg(long, env = "KARST_TOKEN_FILE", value_name = "FILE")]
+    pub(crate) token_file: Option<PathBuf>,
+}
+
+impl ServerArgs {
+    /// A connection with the token that belongs to it.
+    ///
+    /// # Errors
+    /// The token file cannot be read, or nobody answers.
+    pub(crate) async fn connect(&self) -> Result<Client, Error> {
+        let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/state"));
+        let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).or_else(home);
+        let bearer = bearer(&self.server, self.token_file.as_deref(), state.as_deref());
+        Client::connect(&self.server, bearer.map_err(|e| Error::Usage(e.to_string()))?).await
+    }
 }
 
 /// What changes the scene's own settings.

@@ -1,8 +1,7 @@
 //! The connection to a server and its simple calls.
 
-use std::time::Duration;
-
 use karst_proto::MAX_MESSAGE_BYTES;
+use karst_proto::connect::{Bearer, Line, endpoint};
 use karst_proto::v1::assets_client::AssetsClient;
 use karst_proto::v1::frames_client::FramesClient;
 use karst_proto::v1::jobs_client::JobsClient;
@@ -11,7 +10,7 @@ use karst_proto::v1::{
     CancelJobRequest, Frame, GetJobRequest, Job, JobState, ListFramesRequest, ListJobsRequest,
     SubmitJobRequest,
 };
-use tonic::transport::{Channel, Endpoint};
+use tonic::service::interceptor::InterceptedService;
 use tonic::{Code, Status};
 
 use crate::Error;
@@ -20,46 +19,38 @@ use crate::retry::unary;
 /// A connection to a karst server; cheap to clone, reconnects by itself.
 #[derive(Clone, Debug)]
 pub struct Client {
-    channel: Channel,
+    line: Line,
 }
 
 impl Client {
-    /// Connects to `server`, such as `http://127.0.0.1:7878`.
+    /// Connects to `server`, such as `http://127.0.0.1:7878`; every call carries the token of `bearer`, see
+    /// [`karst_proto::connect::bearer`].
     ///
     /// # Errors
     /// The address is malformed or nobody answers within 5 s.
-    pub async fn connect(server: &str) -> Result<Self, Error> {
-        let endpoint = Endpoint::from_shared(server.to_owned())
-            .ok()
-            .filter(|endpoint| endpoint.uri().scheme_str() == Some("http"))
-            .ok_or_else(|| {
-                Error::Usage(format!("server address: found \"{server}\", expected http://HOST:PORT"))
-            })?
-            .connect_timeout(Duration::from_secs(5))
-            .http2_keep_alive_interval(Duration::from_secs(30))
-            .keep_alive_timeout(Duration::from_secs(10))
-            .tcp_nodelay(true);
+    pub async fn connect(server: &str, bearer: Bearer) -> Result<Self, Error> {
+        let endpoint = endpoint(server).map_err(|e| Error::Usage(e.to_string()))?;
         let channel = endpoint
             .connect()
             .await
             .map_err(|error| Error::Connect { server: server.to_owned(), cause: root_cause(&error) })?;
-        Ok(Self { channel })
+        Ok(Self { line: InterceptedService::new(channel, bearer) })
     }
 
-    pub(crate) fn assets(&self) -> AssetsClient<Channel> {
-        AssetsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    pub(crate) fn assets(&self) -> AssetsClient<Line> {
+        AssetsClient::new(self.line.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(crate) fn job_calls(&self) -> JobsClient<Channel> {
-        JobsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    pub(crate) fn job_calls(&self) -> JobsClient<Line> {
+        JobsClient::new(self.line.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(crate) fn frame_calls(&self) -> FramesClient<Channel> {
-        FramesClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    pub(crate) fn frame_calls(&self) -> FramesClient<Line> {
+        FramesClient::new(self.line.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(crate) fn preview_calls(&self) -> PreviewsClient<Channel> {
-        PreviewsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    pub(crate) fn preview_calls(&self) -> PreviewsClient<Line> {
+        PreviewsClient::new(self.line.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// Submits a job; repeated by itself when the server is away, which the request's `request_id` makes safe.

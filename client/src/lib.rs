@@ -1,11 +1,11 @@
 //! Client of the karst render service: submit, watch, fetch; reconnects and resumes by itself.
 //!
 //! ```no_run
-//! # async fn example() -> Result<(), karst_client::Error> {
+//! # async fn example() -> Result<(), Box<dyn std::error::Error>> {
 //! use futures::StreamExt;
-//! use karst_client::{Client, Update};
+//! use karst_client::{Bearer, Client, Update};
 //!
-//! let client = Client::connect("http://127.0.0.1:7878").await?;
+//! let client = Client::connect("http://127.0.0.1:7878", Bearer::read("token".as_ref())?).await?;
 //! let mut updates = std::pin::pin!(client.watch("job-id", None));
 //! while let Some(update) = updates.next().await {
 //!     if let Update::Event(event) = update? {
@@ -29,6 +29,7 @@ pub use blob::Blob;
 pub use client::Client;
 pub use download::Download;
 pub use error::Error;
+pub use karst_proto::connect::Bearer;
 pub use scene_files::{SceneFiles, read_document, read_scene, scene_error, scene_folder};
 pub use upload::Uploaded;
 pub use watch::{Update, is_final};

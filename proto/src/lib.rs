@@ -2,6 +2,7 @@
 //!
 //! The files under `proto/karst/v1/` are the specification; this crate adds no rule that they do not state.
 
+pub mod connect;
 pub mod convert;
 pub mod errors;
 

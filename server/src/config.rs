@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 
+use crate::door::Role;
+
 /// The karst render service.
 #[derive(Debug, Parser)]
 #[command(name = "karst-server", version, about, max_term_width = 100)]
@@ -22,6 +24,26 @@ pub enum Command {
     Serve(Serve),
     /// Renders tasks of a server: a worker. It needs no port of its own.
     Work(Work),
+    /// Makes tokens for people, programs and workers.
+    #[command(subcommand)]
+    Token(Token),
+}
+
+/// What can be done with tokens.
+#[derive(Debug, Subcommand)]
+pub enum Token {
+    /// Makes a token: prints it once, and the line that a tokens file needs to know it.
+    New {
+        /// What its bearer may do: view (look), submit (and render), work (be a worker), admin (everything).
+        #[arg(long)]
+        role: Role,
+        /// Whose it is, for the log: one word.
+        #[arg(long, value_parser = word)]
+        name: String,
+        /// Adds the line to the tokens of this data folder, where a running server finds it at once.
+        #[arg(long, env = "KARST_DATA", value_name = "DIR")]
+        data: Option<PathBuf>,
+    },
 }
 
 /// Options of `serve`.
@@ -36,6 +58,10 @@ pub struct Serve {
     /// Threads that render here; by default one per processor, 0 leaves it to workers that join.
     #[arg(long, env = "KARST_WORKERS", value_parser = clap::value_parser!(u32).range(0..=1024))]
     pub workers: Option<u32>,
+    /// File with one line ROLE NAME SHA256 for each token, read again when it changes; by default `tokens` in the
+    /// data folder. See `karst-server token new`.
+    #[arg(long, env = "KARST_TOKENS_FILE", value_name = "FILE")]
+    pub tokens_file: Option<PathBuf>,
     /// Seconds after which the tasks of a worker that was not heard of go to others.
     #[arg(long, env = "KARST_LEASE", default_value_t = 30, value_name = "SECONDS",
           value_parser = clap::value_parser!(u32).range(1..=3600))]
@@ -53,6 +79,8 @@ impl Serve {
             data: self.data.clone(),
             workers: self.workers.map_or(processors, |n| n as usize),
             lease: Duration::from_secs(self.lease.into()),
+            tokens_file: self.tokens_file.clone(),
+            state: state_home(),
         }
     }
 }
@@ -63,6 +91,9 @@ pub struct Work {
     /// Address of the server.
     #[arg(long, env = "KARST_SERVER", default_value = "http://127.0.0.1:7878", value_name = "URL")]
     pub server: String,
+    /// File with the token of a worker; on the machine and account of the server it is found by itself.
+    #[arg(long, env = "KARST_TOKEN_FILE", value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
     /// Threads that render; by default one per processor.
     #[arg(long, env = "KARST_THREADS", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub threads: Option<u32>,
@@ -90,6 +121,8 @@ impl Work {
         let seconds = |n: u32| Duration::from_secs(n.into());
         WorkConfig {
             server: self.server.clone(),
+            token_file: self.token_file.clone(),
+            state: state_home(),
             threads: self.threads.map_or(processors, |n| n as usize),
             cache: self.cache.clone().unwrap_or_else(default_cache),
             cache_bytes: self.cache_bytes,
@@ -105,6 +138,10 @@ impl Work {
 pub struct WorkConfig {
     /// The server's address.
     pub server: String,
+    /// The file of its token.
+    pub token_file: Option<PathBuf>,
+    /// Where to look for the token of a server on this machine.
+    pub state: Option<PathBuf>,
     /// Threads that render, from 1.
     pub threads: usize,
     /// Folder for fetched bytes.
@@ -117,6 +154,19 @@ pub struct WorkConfig {
     pub patience: Option<Duration>,
     /// What this machine is called.
     pub host: String,
+}
+
+fn state_home() -> Option<PathBuf> {
+    let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/state"));
+    std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).or_else(home)
+}
+
+fn word(text: &str) -> Result<String, String> {
+    let is_word =
+        !text.is_empty() && text.len() <= 64 && text.chars().all(|c| c.is_ascii_graphic() && c != '#');
+    is_word
+        .then(|| text.to_owned())
+        .ok_or_else(|| format!("found {text:?}, expected one word of up to 64 characters"))
 }
 
 fn default_cache() -> PathBuf {
@@ -139,6 +189,10 @@ pub struct Config {
     pub workers: usize,
     /// A worker that is not heard of for so long is lost.
     pub lease: Duration,
+    /// Whose tokens are known, besides the local one; by default a file in the data folder.
+    pub tokens_file: Option<PathBuf>,
+    /// Folder in which programs of this account look for the local token of a server.
+    pub state: Option<PathBuf>,
 }
 
 fn loopback(text: &str) -> Result<SocketAddr, String> {
@@ -149,7 +203,7 @@ fn loopback(text: &str) -> Result<SocketAddr, String> {
         Ok(address)
     } else {
         Err(format!(
-            "{} can be reached from other machines, and this version has neither TLS nor tokens yet: \
+            "{} can be reached from other machines, and this version has no TLS yet: \
              listen on 127.0.0.1 or [::1], and reach it through `ssh -L`",
             address.ip()
         ))

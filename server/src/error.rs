@@ -100,6 +100,27 @@ pub enum Error {
     /// A worker's results were wrong.
     #[error("this worker gets no work: {0}; check its machine, then start it anew")]
     WorkerBlocked(String),
+    /// A call without a token.
+    #[error(
+        "a token is needed: on the server's machine and account it is found by itself, elsewhere name its file \
+             with --token-file or KARST_TOKEN_FILE"
+    )]
+    NoToken,
+    /// A token that nobody was given, or that was taken back.
+    #[error("this token is not known here: ask whoever runs the server for a new one")]
+    TokenUnknown,
+    /// A token whose role does not allow the call.
+    #[error("{path}: token {name:?} has the role {role}, expected {needs}")]
+    Role {
+        /// Whose token.
+        name: String,
+        /// Its role.
+        role: String,
+        /// The roles that may.
+        needs: String,
+        /// The call.
+        path: String,
+    },
     /// The server is about to end, or has too much to do.
     #[error("{0}")]
     Unavailable(&'static str),
@@ -206,6 +227,13 @@ impl From<Error> for Status {
             ),
             Error::Superseded => plain(Code::Aborted, ErrorReason::SessionSuperseded),
             Error::WorkerBlocked(_) => plain(Code::PermissionDenied, ErrorReason::WorkerBlocked),
+            Error::NoToken | Error::TokenUnknown => plain(Code::Unauthenticated, ErrorReason::TokenRefused),
+            Error::Role { needs, .. } => errors::status_with(
+                Code::PermissionDenied,
+                ErrorReason::RoleInsufficient,
+                &text,
+                &[("needs", needs.clone())],
+            ),
             Error::Unavailable(_) => errors::unavailable(&text, Duration::from_secs(2)),
             Error::Storage(_) | Error::Database(_) | Error::Internal(_) => {
                 tracing::error!("{text}");

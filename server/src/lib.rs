@@ -6,6 +6,7 @@
 //! | module | owns |
 //! |---|---|
 //! | [`config`] | the command line |
+//! | [`door`] | tokens and roles: who may call what |
 //! | [`service`] | `karst.v1`: convert, ask, convert |
 //! | [`error`] | every way a call fails, and the one mapping to gRPC statuses |
 //! | [`model`] [`spec`] [`job`] | what a job is, and the pure machine that says what may happen to it |
@@ -25,6 +26,7 @@ pub mod blobs;
 mod clock;
 pub mod config;
 pub mod digest;
+pub mod door;
 pub mod error;
 pub mod farm;
 pub mod job;
@@ -38,12 +40,13 @@ pub mod uploads;
 pub mod work;
 
 use std::fs::{File, TryLockError};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use karst_core::scene::Limits;
+use karst_proto::connect;
 use karst_proto::v1::assets_server::AssetsServer;
 use karst_proto::v1::frames_server::FramesServer;
 use karst_proto::v1::jobs_server::JobsServer;
@@ -59,6 +62,7 @@ use tonic::transport::server::{Router, TcpIncoming};
 
 use crate::blobs::{Blobs, Kind};
 use crate::config::Config;
+use crate::door::{GuardLayer, Tokens};
 use crate::error::Error;
 use crate::farm::fleet::Fleet;
 use crate::farm::ledger::{self, Ledger};
@@ -94,11 +98,13 @@ pub async fn serve(
 ) -> Result<(), Error> {
     std::fs::create_dir_all(&config.data)?;
     let _lock = lock(&config.data)?;
+    let tokens = Arc::new(Tokens::open(&config.data, config.tokens_file.as_deref())?);
     let queue = Arc::new(Queue::default());
     let shared = open(&config, &queue).await?;
     let uploads = Uploads::open(&config.data.join("uploads"), shared.blobs.clone())?;
     let (outlets, machinery) = start(&shared, &queue, config.workers).await?;
-    let router = router(&shared, uploads, outlets).await?;
+    let router = router(&shared, uploads, outlets, tokens).await?;
+    let _signpost = Signpost::leave(&listener, &config);
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     ready();
     let ending = shared.ending.clone();
@@ -117,6 +123,33 @@ pub async fn serve(
     machinery.stop().await?;
     shared.state.close().await;
     served.map_err(|e| Error::Internal(format!("the listener failed: {e}")))
+}
+
+/// All calls pass the guard.
+type Guarded = tower::layer::util::Stack<GuardLayer, tower::layer::util::Identity>;
+
+/// Shows programs of this account where the local token is, as long as the server runs.
+struct Signpost {
+    state: PathBuf,
+    port: u16,
+    token: PathBuf,
+}
+
+impl Signpost {
+    fn leave(listener: &TcpListener, config: &Config) -> Option<Self> {
+        let (state, token) = (config.state.clone()?, config.data.join("token"));
+        let port = listener.local_addr().ok()?.port();
+        if let Err(e) = connect::leave_signpost(&state, port, &token) {
+            tracing::warn!("programs must be told --token-file {}: {e}", token.display());
+        }
+        Some(Self { state, port, token })
+    }
+}
+
+impl Drop for Signpost {
+    fn drop(&mut self) {
+        connect::remove_signpost(&self.state, self.port, &self.token);
+    }
 }
 
 /// Two servers on one folder would each undo what the other does.
@@ -206,7 +239,12 @@ impl Machinery {
     }
 }
 
-async fn router(shared: &Arc<Shared>, uploads: Uploads, outlets: Outlets) -> Result<Router, Error> {
+async fn router(
+    shared: &Arc<Shared>,
+    uploads: Uploads,
+    outlets: Outlets,
+    tokens: Arc<Tokens>,
+) -> Result<Router<Guarded>, Error> {
     let films = Arc::new(Semaphore::new(HEAVY));
     let assets = AssetsServer::new(AssetsService {
         blobs: shared.blobs.clone(),
@@ -238,6 +276,7 @@ async fn router(shared: &Arc<Shared>, uploads: Uploads, outlets: Outlets) -> Res
         .http2_keepalive_timeout(Some(Duration::from_secs(10)))
         .max_concurrent_streams(Some(MAX_STREAMS))
         .http2_max_header_list_size(Some(MAX_HEADER_BYTES))
+        .layer(GuardLayer { tokens })
         .add_service(health)
         .add_service(reflection)
         .add_service(assets.max_decoding_message_size(MAX_MESSAGE_BYTES))

@@ -1,10 +1,14 @@
 //! The karst-server program: reads the command line, sets up logging, runs the library, turns errors into exit codes.
 
+use std::fs::OpenOptions;
 use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use karst_server::config::{Cli, Command, Serve};
+use karst_server::config::{Cli, Command, Serve, Token};
+use karst_server::door::{line, new_token};
 use karst_server::work::{WorkError, work};
 use tokio::net::TcpListener;
 use tracing_subscriber::EnvFilter;
@@ -17,6 +21,7 @@ fn main() -> ExitCode {
     let log = match &command {
         Command::Serve(options) => &options.log,
         Command::Work(options) => &options.log,
+        Command::Token(options) => return token(options),
     };
     let filter = match EnvFilter::try_new(log) {
         Ok(filter) => filter,
@@ -39,7 +44,32 @@ fn main() -> ExitCode {
                 exit_code(&e)
             }
         },
+        Command::Token(options) => token(&options),
     }
+}
+
+/// Makes a token: the only time that it can be seen.
+fn token(options: &Token) -> ExitCode {
+    let Token::New { role, name, data } = options;
+    let token = new_token();
+    let line = line(*role, name, &token);
+    if let Some(data) = data
+        && let Err(e) = add_line(&data.join("tokens"), &line)
+    {
+        return fail(&format_args!("{}: {e}", data.join("tokens").display()));
+    }
+    let mut stdout = std::io::stdout().lock();
+    match writeln!(stdout, "token: {token}\nline:  {line}") {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => fail(&e),
+    }
+}
+
+fn add_line(file: &Path, line: &str) -> std::io::Result<()> {
+    let mut file = OpenOptions::new().append(true).create(true).mode(0o600).open(file)?;
+    // One write: a server that reads meanwhile sees all of the line or nothing.
+    file.write_all(format!("{line}\n").as_bytes())?;
+    file.sync_all()
 }
 
 /// What a script that starts workers can act on: the codes of sysexits.h where they fit.

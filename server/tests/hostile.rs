@@ -7,7 +7,7 @@ mod support;
 use karst_proto::errors::violations;
 use karst_proto::v1::upload_request::Part;
 use karst_proto::v1::{self, JobState};
-use support::{Client, TestServer, refusal, request_id, scene_text};
+use support::{Client, TestServer, raw, refusal, request_id, scene_text};
 use tokio::io::AsyncWriteExt;
 use tonic::{Code, Status};
 
@@ -345,61 +345,4 @@ fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let line = status.lines().find(|l| l.starts_with("VmHWM")).unwrap();
     line.split_whitespace().nth(1).unwrap().parse().unwrap()
-}
-
-/// gRPC calls with any bytes.
-mod raw {
-    use prost::bytes::{Buf, BufMut};
-    use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
-    use tonic::transport::Channel;
-    use tonic::{Request, Status};
-
-    #[derive(Default)]
-    struct Raw;
-
-    impl Codec for Raw {
-        type Encode = Vec<u8>;
-        type Decode = Vec<u8>;
-        type Encoder = Self;
-        type Decoder = Self;
-
-        fn encoder(&mut self) -> Self {
-            Self
-        }
-
-        fn decoder(&mut self) -> Self {
-            Self
-        }
-    }
-
-    impl Encoder for Raw {
-        type Item = Vec<u8>;
-        type Error = Status;
-
-        fn encode(&mut self, item: Vec<u8>, buffer: &mut EncodeBuf<'_>) -> Result<(), Status> {
-            buffer.put_slice(&item);
-            Ok(())
-        }
-    }
-
-    impl Decoder for Raw {
-        type Item = Vec<u8>;
-        type Error = Status;
-
-        fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Vec<u8>>, Status> {
-            let bytes = buffer.copy_to_bytes(buffer.remaining());
-            Ok(Some(bytes.to_vec()))
-        }
-    }
-
-    pub(crate) async fn call(
-        channel: Channel,
-        path: &'static str,
-        payload: Vec<u8>,
-    ) -> Result<Vec<u8>, Status> {
-        let mut grpc = tonic::client::Grpc::new(channel);
-        grpc.ready().await.map_err(|e| Status::unavailable(e.to_string()))?;
-        let path = path.parse().expect("a path");
-        Ok(grpc.unary(Request::new(payload), path, Raw).await?.into_inner())
-    }
 }

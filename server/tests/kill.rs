@@ -41,7 +41,7 @@ async fn a_killed_server_goes_on_where_it_was() {
     let dir = tempfile::tempdir().unwrap();
     let text = scene_text((192, 128), r#"{"spp": 128, "seed": 5}"#, &fading(3));
     let mut program = Program::start(dir.path(), 2);
-    let mut client = Client::connect(&program.url).await;
+    let mut client = program.client().await;
     let spec = client.spec(&text).await;
     let spec = v1::JobSpec { tile_size: 32, ..spec };
     let request = request_id("killed");
@@ -60,7 +60,7 @@ async fn a_killed_server_goes_on_where_it_was() {
         watch(&mut client, &job, &mut seen, enough).await;
         program.kill();
         program = Program::start(dir.path(), 2);
-        client = Client::connect(&program.url).await;
+        client = program.client().await;
         let again = client.submit(&request, &spec).await.unwrap().id;
         assert_eq!(again, job, "the request is remembered");
     }
@@ -104,7 +104,7 @@ async fn damaged_blobs_are_rendered_again() {
     let dir = tempfile::tempdir().unwrap();
     let text = scene_text((128, 96), r#"{"spp": 256, "seed": 5}"#, "");
     let program = Program::start(dir.path(), 2);
-    let mut client = Client::connect(&program.url).await;
+    let mut client = program.client().await;
     let spec = client.spec(&text).await;
     let job = client.submit(&request_id("rot"), &spec).await.unwrap().id;
     let mut seen = Vec::new();
@@ -120,7 +120,7 @@ async fn damaged_blobs_are_rendered_again() {
         flip_a_bit_in_all(&dir.path().join("blobs").join(kind));
     }
     let program = Program::start(dir.path(), 2);
-    let mut client = Client::connect(&program.url).await;
+    let mut client = program.client().await;
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
     let local = render_locally(&text, 1, &Overrides::default(), 64);
     assert_eq!(hash(&client.collect(&job, 1).await.unwrap()), hash(&local));
@@ -148,5 +148,5 @@ fn other_addresses_are_refused_with_the_reason() {
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && text.contains("neither TLS nor tokens"), "{text}");
+    assert!(!output.status.success() && text.contains("no TLS yet"), "{text}");
 }

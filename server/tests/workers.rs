@@ -24,8 +24,8 @@ async fn any_number_of_workers_gives_the_same_bits() {
     for (threads, count) in [(0, 1), (0, 2), (0, 5), (1, 2)] {
         let dir = tempfile::tempdir().unwrap();
         let server = Program::start(dir.path(), threads);
-        let workers: Vec<_> = (0..count).map(|_| Worker::start(&server.url, cache.path())).collect();
-        let mut client = Client::connect(&server.url).await;
+        let workers: Vec<_> = (0..count).map(|_| Worker::start(&server, cache.path())).collect();
+        let mut client = server.client().await;
         let job = client.spec(&text).await;
         let job = client.submit(&request_id("bits"), &spec(job)).await.unwrap().id;
         assert_eq!(client.finish(&job).await.state(), JobState::Succeeded, "{threads} here, {count} there");
@@ -42,8 +42,8 @@ async fn an_adaptive_frame_is_planned_from_what_workers_report() {
     let local = hash(&render_locally(&text, 1, &Overrides::default(), 64));
     let (dir, cache) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let server = Program::start(dir.path(), 0);
-    let _workers = [Worker::start(&server.url, cache.path()), Worker::start(&server.url, cache.path())];
-    let mut client = Client::connect(&server.url).await;
+    let _workers = [Worker::start(&server, cache.path()), Worker::start(&server, cache.path())];
+    let mut client = server.client().await;
     let job = client.spec(&text).await;
     let job = client.submit(&request_id("adaptive"), &spec(job)).await.unwrap().id;
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
@@ -57,18 +57,18 @@ async fn killed_workers_and_a_killed_server_leave_no_trace() {
     let (dir, cache) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let mut server = Program::start(dir.path(), 0);
     let address = server.address().to_owned();
-    let mut workers: Vec<_> = (0..3).map(|_| Worker::start(&server.url, cache.path())).collect();
-    let mut client = Client::connect(&server.url).await;
+    let mut workers: Vec<_> = (0..3).map(|_| Worker::start(&server, cache.path())).collect();
+    let mut client = server.client().await;
     let job = client.spec(&text).await;
     let job = client.submit(&request_id("killed"), &v1::JobSpec { tile_size: 32, ..job }).await.unwrap().id;
     for turn in 0..6 {
         tokio::time::sleep(Duration::from_millis(400)).await;
         workers.remove(turn % 3).kill();
-        workers.push(Worker::start(&server.url, cache.path()));
+        workers.push(Worker::start(&server, cache.path()));
         if turn == 2 {
             server.kill();
             server = Program::start_on(dir.path(), 0, &address);
-            client = Client::connect(&server.url).await;
+            client = server.client().await;
         }
     }
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
@@ -82,18 +82,18 @@ async fn a_drained_worker_loses_nothing() {
     let text = scene_text((192, 128), r#"{"spp": 128, "seed": 5}"#, &fading(2));
     let (dir, cache) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let server = Program::start(dir.path(), 0);
-    let mut client = Client::connect(&server.url).await;
+    let mut client = server.client().await;
     let job = client.spec(&text).await;
     let job = client.submit(&request_id("drained"), &v1::JobSpec { tile_size: 32, ..job }).await.unwrap().id;
     for _ in 0..4 {
-        let worker = Worker::start(&server.url, cache.path());
+        let worker = Worker::start(&server, cache.path());
         tokio::time::sleep(Duration::from_millis(500)).await;
         let began = tokio::time::Instant::now();
         let status = tokio::task::spawn_blocking(move || worker.terminate()).await.unwrap();
         assert!(status.success(), "{status}");
         assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
     }
-    let _last = Worker::start(&server.url, cache.path());
+    let _last = Worker::start(&server, cache.path());
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
     check_frames(&mut client, &job, &text).await;
 }

@@ -21,7 +21,7 @@ pub(super) struct Wanted {
 }
 
 pub(super) async fn run(args: FetchArgs, talk: Talk) -> Result<(), Error> {
-    let client = Client::connect(&args.server.server).await?;
+    let client = args.server.connect().await?;
     let job = client.job(&args.job).await?;
     let wanted = Wanted { frames: args.frames, formats: args.format };
     let count = download_frames(&client, &job, &wanted, &args.output, talk).await?;

@@ -1,6 +1,6 @@
 //! `karst jobs`: lists jobs.
 
-use karst_client::{Client, Error};
+use karst_client::Error;
 use karst_proto::v1::{Job, JobState};
 
 use crate::args::{JobsArgs, StateArg};
@@ -8,7 +8,7 @@ use crate::talk::Talk;
 use crate::wire_json::{job_json, job_state_name};
 
 pub(super) async fn run(args: JobsArgs, talk: Talk) -> Result<(), Error> {
-    let client = Client::connect(&args.server.server).await?;
+    let client = args.server.connect().await?;
     let states: Vec<JobState> = args.state.into_iter().map(job_state).collect();
     let jobs = client.jobs(&states, args.limit).await?;
     if jobs.is_empty() {

@@ -19,7 +19,7 @@ use crate::wire_json::job_json;
 
 pub(super) async fn run(args: SubmitArgs, talk: Talk) -> Result<(), Error> {
     let scene = read_scene(&args.scene)?;
-    let client = Client::connect(&args.server.server).await?;
+    let client = args.server.connect().await?;
     let uploaded = client
         .upload(&scene.blobs(), |blob| {
             talk.event(&json!({"event": "uploaded", "digest": blob.digest(), "bytes": blob.size()}));

@@ -1,12 +1,12 @@
 //! `karst watch`: follows a job until it is final; reconnects by itself.
 
-use karst_client::{Client, Error};
+use karst_client::Error;
 
 use crate::args::WatchArgs;
 use crate::commands::follow::{follow, outcome};
 use crate::talk::Talk;
 
 pub(super) async fn run(args: WatchArgs, talk: Talk) -> Result<(), Error> {
-    let client = Client::connect(&args.server.server).await?;
+    let client = args.server.connect().await?;
     outcome(&follow(&client, &args.job, args.resume, talk).await?, talk)
 }

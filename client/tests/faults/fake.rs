@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use futures::stream::{BoxStream, StreamExt, iter};
-use karst_client::{Blob, Client};
+use karst_client::{Bearer, Blob, Client};
 use karst_proto::errors::{ErrorReason, status};
 use karst_proto::v1::assets_server::{Assets, AssetsServer};
 use karst_proto::v1::download_frame_response::Part as DownloadPart;
@@ -55,7 +55,7 @@ impl Fake {
             .add_service(JobsServer::new(shared.clone()))
             .add_service(FramesServer::new(shared));
         tokio::spawn(server.serve_with_incoming(TcpListenerStream::new(listener)));
-        (Client::connect(&format!("http://{address}")).await.unwrap(), state)
+        (Client::connect(&format!("http://{address}"), Bearer::default()).await.unwrap(), state)
     }
 }
 

@@ -88,7 +88,7 @@ impl Cache {
         let server = |status| FetchError::Server { digest, status: Box::new(status) };
         let mut file = File::create(to).map_err(disk)?;
         let mut hasher = Digest::hasher();
-        let mut calls = AssetsClient::new(link.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        let mut calls = AssetsClient::new(link.line.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let request = DownloadRequest { digest: digest.to_string(), offset: 0 };
         let mut stream = calls.download(request).await.map_err(server)?.into_inner();
         while let Some(part) = stream.message().await.map_err(server)? {

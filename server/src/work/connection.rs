@@ -2,36 +2,34 @@
 
 use std::time::Duration;
 
-use tonic::transport::{Channel, Endpoint};
+use karst_proto::connect::{Line, bearer, endpoint};
+use tonic::service::interceptor::InterceptedService;
 
+use crate::config::WorkConfig;
 use crate::work::WorkError;
 
 /// A connection that is made when it is needed, and again when it broke.
 #[derive(Debug, Clone)]
 pub(crate) struct Link {
     /// For calls.
-    pub channel: Channel,
+    pub line: Line,
 }
 
 impl Link {
-    /// Prepares a connection to `server`; nothing is sent yet.
+    /// Prepares a connection; nothing is sent yet.
     ///
     /// # Errors
-    /// The address is malformed.
-    pub(crate) fn new(server: &str) -> Result<Self, WorkError> {
-        let endpoint = Endpoint::from_shared(server.to_owned())
-            .ok()
-            .filter(|endpoint| matches!(endpoint.uri().scheme_str(), Some("http" | "https")))
-            .ok_or_else(|| {
-                WorkError::Usage(format!(
-                    "--server: found {server:?}, expected http://HOST:PORT or https://HOST:PORT"
-                ))
-            })?
-            .connect_timeout(Duration::from_secs(5))
+    /// The address is malformed, or the token cannot be read.
+    pub(crate) fn new(config: &WorkConfig) -> Result<Self, WorkError> {
+        let usage = |e: karst_proto::connect::ConnectError| WorkError::Usage(e.to_string());
+        let endpoint = endpoint(&config.server).map_err(usage)?;
+        let bearer =
+            bearer(&config.server, config.token_file.as_deref(), config.state.as_deref()).map_err(usage)?;
+        // A worker notices soon that its server's machine is gone: there may be another way to it.
+        let channel = endpoint
             .http2_keep_alive_interval(Duration::from_secs(10))
-            .keep_alive_timeout(Duration::from_secs(10))
             .keep_alive_while_idle(true)
-            .tcp_nodelay(true);
-        Ok(Self { channel: endpoint.connect_lazy() })
+            .connect_lazy();
+        Ok(Self { line: InterceptedService::new(channel, bearer) })
     }
 }

@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use karst_core::film::{Round, SampleRange, TileGrid};
 use karst_proto::MAX_WORKER_MESSAGE_BYTES;
+use karst_proto::connect::Line;
 use karst_proto::errors::{ErrorReason, reason};
 use karst_proto::v1::workers_client::WorkersClient;
 use karst_proto::v1::{
@@ -23,7 +24,6 @@ use karst_proto::v1::{
 };
 use tokio::sync::{Mutex, mpsc};
 use tokio::time::{Instant, sleep, timeout};
-use tonic::transport::Channel;
 use tonic::{Code, Status};
 use uuid::Uuid;
 
@@ -86,13 +86,13 @@ enum News {
 /// # Errors
 /// [`WorkError`] when there is nothing more this process can do.
 pub async fn work(config: WorkConfig, stop: impl Future<Output = ()>) -> Result<(), WorkError> {
-    let link = Link::new(&config.server)?;
+    let link = Link::new(&config)?;
     let cache = Cache::open(&config.cache, config.cache_bytes)
         .map_err(|e| io::Error::new(e.kind(), format!("--cache {}: {e}", config.cache.display())))?;
     let (news, hears) = mpsc::unbounded_channel();
     let pool = Arc::new(Pool::default());
     pool.start(config.threads, &news)?;
-    let calls = WorkersClient::new(link.channel.clone())
+    let calls = WorkersClient::new(link.line.clone())
         .max_encoding_message_size(MAX_WORKER_MESSAGE_BYTES)
         .max_decoding_message_size(MAX_WORKER_MESSAGE_BYTES);
     let id = Uuid::new_v4();
@@ -128,7 +128,7 @@ pub async fn work(config: WorkConfig, stop: impl Future<Output = ()>) -> Result<
 struct Worker {
     config: WorkConfig,
     link: Link,
-    calls: WorkersClient<Channel>,
+    calls: WorkersClient<Line>,
     id: String,
     name: String,
     sequence: u64,

@@ -75,7 +75,7 @@ impl Scenes {
         if let Some((_, context)) = self.jobs.iter().find(|(id, _)| id == job) {
             return Ok(Arc::clone(context));
         }
-        let mut calls = WorkersClient::new(link.channel.clone());
+        let mut calls = WorkersClient::new(link.line.clone());
         let request = GetJobSpecRequest { job: job.to_owned() };
         let spec = calls.get_job_spec(request).await.map_err(|e| e.message().to_owned())?.into_inner();
         let context = Arc::new(self.load(&spec, link).await?);

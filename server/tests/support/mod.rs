@@ -3,6 +3,7 @@
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "shared by tests, each uses its part")]
 
 pub mod program;
+pub mod raw;
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -11,6 +12,7 @@ use std::time::Duration;
 use karst_core::film::Film;
 use karst_core::render::{FrameObserver, render_frame};
 use karst_core::scene::{Assets, Document, Folder, Limits, Overrides, Scene};
+use karst_proto::connect::{Bearer, Line};
 use karst_proto::v1::assets_client::AssetsClient;
 use karst_proto::v1::frames_client::FramesClient;
 use karst_proto::v1::jobs_client::JobsClient;
@@ -22,6 +24,7 @@ use karst_server::config::Config;
 use karst_server::digest::Digest;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
@@ -61,12 +64,19 @@ pub const LEASE: Duration = Duration::from_secs(2);
 
 /// What a server of the tests is told.
 pub fn config(data: &Path, workers: usize) -> Config {
-    Config { data: data.to_owned(), workers, lease: LEASE }
+    Config { data: data.to_owned(), workers, lease: LEASE, tokens_file: None, state: None }
+}
+
+/// The local token of a data folder.
+pub fn token_of(data: &Path) -> String {
+    std::fs::read_to_string(data.join("token")).unwrap()
 }
 
 /// A server in this process.
 pub struct TestServer {
     pub url: String,
+    /// The local one, which may do everything.
+    pub token: String,
     stop: Option<oneshot::Sender<()>>,
     served: tokio::task::JoinHandle<Result<(), karst_server::error::Error>>,
 }
@@ -85,11 +95,11 @@ impl TestServer {
             karst_server::serve(listener, config, ready, async move { drop(stopped.await) }).await
         });
         is_ready.await.expect("the server starts");
-        Self { url, stop: Some(stop), served }
+        Self { url, token: token_of(data), stop: Some(stop), served }
     }
 
     pub async fn client(&self) -> Client {
-        Client::connect(&self.url).await
+        Client::connect(&self.url, &self.token).await
     }
 
     /// Ends the server and waits until everything is closed.
@@ -102,17 +112,18 @@ impl TestServer {
 /// The generated clients.
 #[derive(Clone)]
 pub struct Client {
-    pub channel: Channel,
-    pub assets: AssetsClient<Channel>,
-    pub jobs: JobsClient<Channel>,
-    pub frames: FramesClient<Channel>,
-    pub previews: PreviewsClient<Channel>,
-    pub workers: WorkersClient<Channel>,
+    pub channel: Line,
+    pub assets: AssetsClient<Line>,
+    pub jobs: JobsClient<Line>,
+    pub frames: FramesClient<Line>,
+    pub previews: PreviewsClient<Line>,
+    pub workers: WorkersClient<Line>,
 }
 
 impl Client {
-    pub async fn connect(url: &str) -> Self {
+    pub async fn connect(url: &str, token: &str) -> Self {
         let channel = Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
+        let channel = InterceptedService::new(channel, Bearer::new(token).unwrap());
         Self {
             assets: AssetsClient::new(channel.clone()),
             jobs: JobsClient::new(channel.clone()),

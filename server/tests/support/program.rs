@@ -1,9 +1,11 @@
 //! The real programs as processes: servers and workers that can be killed.
 
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
+
+use super::{Client, token_of};
 
 const BIN: &str = env!("CARGO_BIN_EXE_karst-server");
 
@@ -11,6 +13,7 @@ const BIN: &str = env!("CARGO_BIN_EXE_karst-server");
 pub struct Program {
     child: Child,
     pub url: String,
+    data: PathBuf,
 }
 
 impl Program {
@@ -24,13 +27,18 @@ impl Program {
             .args(["serve", "--log", "warn", "--lease", "2", "--listen", listen])
             .args(["--workers", &workers.to_string(), "--data"])
             .arg(data)
+            .env("XDG_STATE_HOME", data.join("state"))
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let url = line.trim().strip_prefix("listening on ").expect("the promised line").to_owned();
-        Self { child, url }
+        Self { child, url, data: data.to_owned() }
+    }
+
+    pub async fn client(&self) -> Client {
+        Client::connect(&self.url, &token_of(&self.data)).await
     }
 
     /// Where it listens.
@@ -59,10 +67,22 @@ pub struct Worker {
 
 impl Worker {
     /// With one thread; workers may share the folder `cache`.
-    pub fn start(url: &str, cache: &Path) -> Self {
+    pub fn start(server: &Program, cache: &Path) -> Self {
         let child = Command::new(BIN)
-            .args(["work", "--threads", "1", "--log", "warn", "--grace", "5", "--server", url, "--cache"])
+            .args([
+                "work",
+                "--threads",
+                "1",
+                "--log",
+                "warn",
+                "--grace",
+                "5",
+                "--server",
+                &server.url,
+                "--cache",
+            ])
             .arg(cache)
+            .env("XDG_STATE_HOME", server.data.join("state"))
             .spawn()
             .unwrap();
         Self { child }

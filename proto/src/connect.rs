@@ -1,0 +1,171 @@
+//! How programs reach a server: its address, and the token that goes with every call.
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tonic::metadata::{Ascii, MetadataValue};
+use tonic::service::Interceptor;
+use tonic::service::interceptor::InterceptedService;
+use tonic::transport::{Channel, Endpoint, Uri};
+use tonic::{Request, Status};
+
+/// A channel whose calls carry a token.
+pub type Line = InterceptedService<Channel, Bearer>;
+
+/// Why a server cannot be addressed.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    /// Not an address.
+    #[error("server address: found {0:?}, expected http://HOST:PORT")]
+    Address(String),
+    /// The file of the token cannot be read or holds none.
+    #[error("token file {}: {cause}", .path.display())]
+    Token {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+}
+
+/// Adds a token to every call.
+#[derive(Debug, Clone, Default)]
+pub struct Bearer(Option<MetadataValue<Ascii>>);
+
+impl Bearer {
+    /// The bearer of a token; of none when the text is empty.
+    ///
+    /// # Errors
+    /// The text cannot travel in a header.
+    pub fn new(token: &str) -> io::Result<Self> {
+        if token.is_empty() {
+            return Ok(Self(None));
+        }
+        let mut value: MetadataValue<Ascii> = format!("Bearer {token}")
+            .parse()
+            .map_err(|_| io::Error::other("the token has characters that cannot be sent"))?;
+        value.set_sensitive(true);
+        Ok(Self(Some(value)))
+    }
+
+    /// The bearer of the token in a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is empty.
+    pub fn read(path: &Path) -> Result<Self, ConnectError> {
+        let named = |cause| ConnectError::Token { path: path.to_owned(), cause };
+        let text = fs::read_to_string(path).map_err(named)?;
+        if text.trim().is_empty() {
+            return Err(named(io::Error::other("it is empty")));
+        }
+        Self::new(text.trim()).map_err(named)
+    }
+}
+
+impl Interceptor for Bearer {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        if let Some(token) = &self.0 {
+            request.metadata_mut().insert("authorization", token.clone());
+        }
+        Ok(request)
+    }
+}
+
+/// The endpoint of a server, with what keeps a connection alive.
+///
+/// # Errors
+/// [`ConnectError::Address`].
+pub fn endpoint(server: &str) -> Result<Endpoint, ConnectError> {
+    let endpoint = Endpoint::from_shared(server.to_owned()).ok();
+    let endpoint = endpoint.filter(|endpoint| endpoint.uri().scheme_str() == Some("http"));
+    Ok(endpoint
+        .ok_or_else(|| ConnectError::Address(server.to_owned()))?
+        .connect_timeout(Duration::from_secs(5))
+        .http2_keep_alive_interval(Duration::from_secs(30))
+        .keep_alive_timeout(Duration::from_secs(10))
+        .tcp_nodelay(true))
+}
+
+/// The token for a server: the file that was named, else what a server on this machine left for its own account
+/// under `state`, else none.
+///
+/// # Errors
+/// [`ConnectError::Token`] for a file that was named.
+pub fn bearer(server: &str, token_file: Option<&Path>, state: Option<&Path>) -> Result<Bearer, ConnectError> {
+    if let Some(path) = token_file {
+        return Bearer::read(path);
+    }
+    let left = loopback_port(server).zip(state).and_then(|(port, state)| {
+        let path = fs::read_to_string(signpost(state, port)).ok()?;
+        Bearer::read(Path::new(path.trim())).ok()
+    });
+    Ok(left.unwrap_or_default())
+}
+
+/// Tells programs of this account where the token of the server on a port is. Best effort: who has no such folder
+/// names the file.
+///
+/// # Errors
+/// The folder or the file cannot be made.
+pub fn leave_signpost(state: &Path, port: u16, token_file: &Path) -> io::Result<()> {
+    let path = signpost(state, port);
+    fs::create_dir_all(path.parent().unwrap_or(state))?;
+    let mut file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
+    writeln!(file, "{}", fs::canonicalize(token_file)?.display())
+}
+
+/// Takes the signpost away when it still shows to this token.
+pub fn remove_signpost(state: &Path, port: u16, token_file: &Path) {
+    let path = signpost(state, port);
+    let is_own = fs::read_to_string(&path).ok().zip(fs::canonicalize(token_file).ok());
+    if is_own.is_some_and(|(text, own)| Path::new(text.trim()) == own) {
+        let _ = fs::remove_file(path);
+    }
+}
+
+fn signpost(state: &Path, port: u16) -> PathBuf {
+    state.join("karst").join("servers").join(port.to_string())
+}
+
+fn loopback_port(server: &str) -> Option<u16> {
+    let uri: Uri = server.parse().ok()?;
+    let host = uri.host()?.trim_matches(['[', ']']);
+    let is_loopback =
+        host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback());
+    if is_loopback { uri.port_u16() } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{bearer, endpoint, leave_signpost, loopback_port, remove_signpost};
+    use std::fs;
+
+    #[test]
+    fn only_loopback_has_signposts() {
+        assert_eq!(loopback_port("http://127.0.0.1:7878"), Some(7878));
+        assert_eq!(loopback_port("http://[::1]:80"), Some(80));
+        assert_eq!(loopback_port("http://localhost:1"), Some(1));
+        for other in ["http://192.168.1.5:80", "http://example.org:80", "http://127.0.0.1", "", "nonsense"] {
+            assert_eq!(loopback_port(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_program_of_the_same_account_finds_the_token() {
+        let dir = tempfile::tempdir().unwrap();
+        let (state, token) = (dir.path().join("state"), dir.path().join("token"));
+        fs::write(&token, "secret\n").unwrap();
+        leave_signpost(&state, 7, &token).unwrap();
+        let found = |server: &str| bearer(server, None, Some(&state)).unwrap().0.is_some();
+        assert!(found("http://127.0.0.1:7") && !found("http://127.0.0.1:8") && !found("http://10.0.0.1:7"));
+        remove_signpost(&state, 7, &dir.path().join("other"));
+        assert!(found("http://127.0.0.1:7"), "another server's signpost stays");
+        remove_signpost(&state, 7, &token);
+        assert!(!found("http://127.0.0.1:7"));
+        assert!(bearer("http://127.0.0.1:7", Some(&dir.path().join("nothing")), None).is_err());
+        assert!(endpoint("ftp://x").is_err() && endpoint("http://localhost:1").is_ok());
+    }
+}
