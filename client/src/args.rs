@@ -61,6 +61,10 @@ pub(crate) struct ServerArgs {
     /// File with the token for it; on the machine and account of the server it is found by itself.
     #[arg(long, env = "KARST_TOKEN_FILE", value_name = "FILE")]
     pub(crate) token_file: Option<PathBuf>,
+    /// File with the certificate that an https server must show, or of whoever has signed it; without one it must
+    /// be one that this machine trusts.
+    #[arg(long, env = "KARST_CA_FILE", value_name = "FILE")]
+    pub(crate) ca_file: Option<PathBuf>,
 }
 
 impl ServerArgs {
@@ -72,7 +76,8 @@ impl ServerArgs {
         let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/state"));
         let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).or_else(home);
         let bearer = bearer(&self.server, self.token_file.as_deref(), state.as_deref());
-        Client::connect(&self.server, bearer.map_err(|e| Error::Usage(e.to_string()))?).await
+        let bearer = bearer.map_err(|e| Error::Usage(e.to_string()))?;
+        Client::connect(&self.server, self.ca_file.as_deref(), bearer).await
     }
 }
 

@@ -1,5 +1,7 @@
 //! The connection to a server and its simple calls.
 
+use std::path::Path;
+
 use karst_proto::MAX_MESSAGE_BYTES;
 use karst_proto::connect::{Bearer, Line, endpoint};
 use karst_proto::v1::assets_client::AssetsClient;
@@ -23,13 +25,14 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects to `server`, such as `http://127.0.0.1:7878`; every call carries the token of `bearer`, see
+    /// Connects to `server`, such as `http://127.0.0.1:7878`; `ca_file` is for `https`, see
+    /// [`karst_proto::connect::endpoint`]; every call carries the token of `bearer`, see
     /// [`karst_proto::connect::bearer`].
     ///
     /// # Errors
     /// The address is malformed or nobody answers within 5 s.
-    pub async fn connect(server: &str, bearer: Bearer) -> Result<Self, Error> {
-        let endpoint = endpoint(server).map_err(|e| Error::Usage(e.to_string()))?;
+    pub async fn connect(server: &str, ca_file: Option<&Path>, bearer: Bearer) -> Result<Self, Error> {
+        let endpoint = endpoint(server, ca_file).map_err(|e| Error::Usage(e.to_string()))?;
         let channel = endpoint
             .connect()
             .await

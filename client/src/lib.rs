@@ -5,7 +5,7 @@
 //! use futures::StreamExt;
 //! use karst_client::{Bearer, Client, Update};
 //!
-//! let client = Client::connect("http://127.0.0.1:7878", Bearer::read("token".as_ref())?).await?;
+//! let client = Client::connect("http://127.0.0.1:7878", None, Bearer::read("token".as_ref())?).await?;
 //! let mut updates = std::pin::pin!(client.watch("job-id", None));
 //! while let Some(update) = updates.next().await {
 //!     if let Update::Event(event) = update? {

@@ -9,7 +9,7 @@ use std::time::Duration;
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Channel, Endpoint, Uri};
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Uri};
 use tonic::{Request, Status};
 
 /// A channel whose calls carry a token.
@@ -19,8 +19,16 @@ pub type Line = InterceptedService<Channel, Bearer>;
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
     /// Not an address.
-    #[error("server address: found {0:?}, expected http://HOST:PORT")]
+    #[error("server address: found {0:?}, expected http://HOST:PORT or https://HOST:PORT")]
     Address(String),
+    /// The file of the certificate cannot be read or holds none.
+    #[error("certificate file {}: {cause}", .path.display())]
+    Certificate {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
     /// The file of the token cannot be read or holds none.
     #[error("token file {}: {cause}", .path.display())]
     Token {
@@ -74,19 +82,39 @@ impl Interceptor for Bearer {
     }
 }
 
-/// The endpoint of a server, with what keeps a connection alive.
+/// The endpoint of a server, with what keeps a connection alive. An `https` server must show a certificate that
+/// the one in `ca_file` has signed (or that is the same), without one that this machine trusts.
 ///
 /// # Errors
-/// [`ConnectError::Address`].
-pub fn endpoint(server: &str) -> Result<Endpoint, ConnectError> {
-    let endpoint = Endpoint::from_shared(server.to_owned()).ok();
-    let endpoint = endpoint.filter(|endpoint| endpoint.uri().scheme_str() == Some("http"));
+/// [`ConnectError::Address`], [`ConnectError::Certificate`].
+pub fn endpoint(server: &str, ca_file: Option<&Path>) -> Result<Endpoint, ConnectError> {
+    let address = || ConnectError::Address(server.to_owned());
+    let mut endpoint = Endpoint::from_shared(server.to_owned()).map_err(|_| address())?;
+    match endpoint.uri().scheme_str() {
+        Some("http") => {}
+        Some("https") => {
+            let tls = match ca_file {
+                Some(path) => ClientTlsConfig::new().ca_certificate(read_certificate(path)?),
+                None => ClientTlsConfig::new().with_native_roots(),
+            };
+            endpoint = endpoint.tls_config(tls).map_err(|_| address())?;
+        }
+        _ => return Err(address()),
+    }
     Ok(endpoint
-        .ok_or_else(|| ConnectError::Address(server.to_owned()))?
         .connect_timeout(Duration::from_secs(5))
         .http2_keep_alive_interval(Duration::from_secs(30))
         .keep_alive_timeout(Duration::from_secs(10))
         .tcp_nodelay(true))
+}
+
+fn read_certificate(path: &Path) -> Result<Certificate, ConnectError> {
+    let named = |cause| ConnectError::Certificate { path: path.to_owned(), cause };
+    let pem = fs::read_to_string(path).map_err(named)?;
+    if !pem.contains("-----BEGIN CERTIFICATE-----") {
+        return Err(named(io::Error::other("expected a PEM file with a certificate")));
+    }
+    Ok(Certificate::from_pem(pem))
 }
 
 /// The token for a server: the file that was named, else what a server on this machine left for its own account
@@ -166,6 +194,8 @@ mod tests {
         remove_signpost(&state, 7, &token);
         assert!(!found("http://127.0.0.1:7"));
         assert!(bearer("http://127.0.0.1:7", Some(&dir.path().join("nothing")), None).is_err());
-        assert!(endpoint("ftp://x").is_err() && endpoint("http://localhost:1").is_ok());
+        assert!(endpoint("ftp://x", None).is_err() && endpoint("http://localhost:1", None).is_ok());
+        let error = endpoint("https://localhost:1", Some(&token)).unwrap_err().to_string();
+        assert!(error.contains("PEM"), "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! Owns the command line; the only file that reads the environment.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
@@ -27,11 +27,45 @@ pub enum Command {
     /// Makes tokens for people, programs and workers.
     #[command(subcommand)]
     Token(Token),
+    /// Asks a server whether it serves; exit code 0 or 1 within 5 s. Needs no token.
+    Health(Health),
+}
+
+/// How log lines look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// For people.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+/// Options of `health`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Health {
+    /// Address of the server.
+    #[arg(long, env = "KARST_SERVER", default_value = "http://127.0.0.1:7878", value_name = "URL")]
+    pub server: String,
+    /// File with the certificate that an https server must show, or of whoever has signed it.
+    #[arg(long, env = "KARST_CA_FILE", value_name = "FILE")]
+    pub ca_file: Option<PathBuf>,
 }
 
 /// What can be done with tokens.
 #[derive(Debug, Subcommand)]
 pub enum Token {
+    /// Prepares a data folder: the local token, and with --tls a certificate of its own.
+    Init {
+        /// Makes a self-signed certificate and its key, DIR/tls/cert.pem and DIR/tls/key.pem, if there is none.
+        #[arg(long, requires = "names")]
+        tls: bool,
+        /// A name or address by which the server is reached; may be given several times.
+        #[arg(long = "name", value_name = "HOST", value_parser = word)]
+        names: Vec<String>,
+        /// The data folder; made if it is not there.
+        #[arg(long, env = "KARST_DATA", value_name = "DIR", default_value = "karst-data")]
+        data: PathBuf,
+    },
     /// Makes a token: prints it once, and the line that a tokens file needs to know it.
     New {
         /// What its bearer may do: view (look), submit (and render), work (be a worker), admin (everything).
@@ -50,7 +84,7 @@ pub enum Token {
 #[derive(Debug, Clone, clap::Args)]
 pub struct Serve {
     /// Address to listen on; port 0 lets the system choose, `listening on http://ADDR` tells which.
-    #[arg(long, env = "KARST_LISTEN", default_value = "127.0.0.1:7878", value_parser = loopback)]
+    #[arg(long, env = "KARST_LISTEN", default_value = "127.0.0.1:7878", value_parser = address)]
     pub listen: SocketAddr,
     /// Folder for jobs, assets and finished frames; made if it is not there.
     #[arg(long, env = "KARST_DATA", default_value = "karst-data")]
@@ -58,6 +92,13 @@ pub struct Serve {
     /// Threads that render here; by default one per processor, 0 leaves it to workers that join.
     #[arg(long, env = "KARST_WORKERS", value_parser = clap::value_parser!(u32).range(0..=1024))]
     pub workers: Option<u32>,
+    /// Certificate to show (PEM, with those between it and its root); needed beyond loopback, where without this
+    /// option the one in the data folder is taken. See `karst-server token init --tls`.
+    #[arg(long, env = "KARST_TLS_CERT", value_name = "FILE", requires = "tls_key")]
+    pub tls_cert: Option<PathBuf>,
+    /// Private key of the certificate (PEM).
+    #[arg(long, env = "KARST_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
+    pub tls_key: Option<PathBuf>,
     /// File with one line ROLE NAME SHA256 for each token, read again when it changes; by default `tokens` in the
     /// data folder. See `karst-server token new`.
     #[arg(long, env = "KARST_TOKENS_FILE", value_name = "FILE")]
@@ -69,19 +110,50 @@ pub struct Serve {
     /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
     #[arg(long, env = "KARST_LOG", default_value = "info")]
     pub log: String,
+    /// How to log.
+    #[arg(long, env = "KARST_LOG_FORMAT", value_enum, default_value_t = LogFormat::Text)]
+    pub log_format: LogFormat,
 }
 
 impl Serve {
+    /// The certificate and key to use: those named, beyond loopback else those in the data folder.
+    ///
+    /// # Errors
+    /// Others could listen in: an address beyond loopback without a certificate.
+    pub fn tls(&self) -> Result<Option<TlsFiles>, String> {
+        if let (Some(cert), Some(key)) = (self.tls_cert.clone(), self.tls_key.clone()) {
+            return Ok(Some(TlsFiles { cert, key }));
+        }
+        if self.listen.ip().is_loopback() {
+            return Ok(None);
+        }
+        let own = TlsFiles::of(&self.data);
+        if own.cert.exists() {
+            return Ok(Some(own));
+        }
+        Err(format!(
+            "--listen {}: other machines can reach it, so that calls and tokens must be encrypted: name a \
+             certificate with --tls-cert and --tls-key, make one with `karst-server token init --tls --name HOST \
+             --data {}`, or listen on 127.0.0.1",
+            self.listen,
+            self.data.display()
+        ))
+    }
+
     /// What the library needs to know.
-    pub fn config(&self) -> Config {
+    ///
+    /// # Errors
+    /// See [`Serve::tls`].
+    pub fn config(&self) -> Result<Config, String> {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        Config {
+        Ok(Config {
             data: self.data.clone(),
+            tls: self.tls()?,
             workers: self.workers.map_or(processors, |n| n as usize),
             lease: Duration::from_secs(self.lease.into()),
             tokens_file: self.tokens_file.clone(),
             state: state_home(),
-        }
+        })
     }
 }
 
@@ -94,6 +166,10 @@ pub struct Work {
     /// File with the token of a worker; on the machine and account of the server it is found by itself.
     #[arg(long, env = "KARST_TOKEN_FILE", value_name = "FILE")]
     pub token_file: Option<PathBuf>,
+    /// File with the certificate that an https server must show, or of whoever has signed it; without one it must
+    /// be one that this machine trusts.
+    #[arg(long, env = "KARST_CA_FILE", value_name = "FILE")]
+    pub ca_file: Option<PathBuf>,
     /// Threads that render; by default one per processor.
     #[arg(long, env = "KARST_THREADS", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub threads: Option<u32>,
@@ -112,6 +188,9 @@ pub struct Work {
     /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
     #[arg(long, env = "KARST_LOG", default_value = "info")]
     pub log: String,
+    /// How to log.
+    #[arg(long, env = "KARST_LOG_FORMAT", value_enum, default_value_t = LogFormat::Text)]
+    pub log_format: LogFormat,
 }
 
 impl Work {
@@ -122,6 +201,7 @@ impl Work {
         WorkConfig {
             server: self.server.clone(),
             token_file: self.token_file.clone(),
+            ca_file: self.ca_file.clone(),
             state: state_home(),
             threads: self.threads.map_or(processors, |n| n as usize),
             cache: self.cache.clone().unwrap_or_else(default_cache),
@@ -140,6 +220,8 @@ pub struct WorkConfig {
     pub server: String,
     /// The file of its token.
     pub token_file: Option<PathBuf>,
+    /// The file of a certificate to trust.
+    pub ca_file: Option<PathBuf>,
     /// Where to look for the token of a server on this machine.
     pub state: Option<PathBuf>,
     /// Threads that render, from 1.
@@ -180,11 +262,29 @@ fn host() -> String {
     if name.trim().is_empty() { "worker".to_owned() } else { name.trim().to_owned() }
 }
 
+/// A certificate and its key, as PEM files.
+#[derive(Debug, Clone)]
+pub struct TlsFiles {
+    /// The certificate, with those between it and its root.
+    pub cert: PathBuf,
+    /// Its private key.
+    pub key: PathBuf,
+}
+
+impl TlsFiles {
+    /// Where a data folder has them.
+    pub fn of(data: &Path) -> Self {
+        Self { cert: data.join("tls").join("cert.pem"), key: data.join("tls").join("key.pem") }
+    }
+}
+
 /// What [`crate::serve`] needs to know.
 #[derive(Debug, Clone)]
 pub struct Config {
     /// Folder for everything that must survive.
     pub data: PathBuf,
+    /// Certificate and key; calls travel in the clear without.
+    pub tls: Option<TlsFiles>,
     /// Threads that render here.
     pub workers: usize,
     /// A worker that is not heard of for so long is lost.
@@ -195,24 +295,15 @@ pub struct Config {
     pub state: Option<PathBuf>,
 }
 
-fn loopback(text: &str) -> Result<SocketAddr, String> {
-    let address: SocketAddr = text.parse().map_err(|_| {
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
         format!("expected an address and a port such as 127.0.0.1:7878 or [::1]:0, found {text:?}")
-    })?;
-    if address.ip().is_loopback() {
-        Ok(address)
-    } else {
-        Err(format!(
-            "{} can be reached from other machines, and this version has no TLS yet: \
-             listen on 127.0.0.1 or [::1], and reach it through `ssh -L`",
-            address.ip()
-        ))
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Cli, Command, loopback};
+    use super::{Cli, Command};
     use clap::{CommandFactory, Parser};
 
     #[test]
@@ -222,7 +313,8 @@ mod tests {
         else {
             panic!("serve");
         };
-        assert_eq!((serve.config().workers, serve.config().lease.as_secs()), (0, 30));
+        let config = serve.config().unwrap();
+        assert_eq!((config.workers, config.lease.as_secs()), (0, 30));
         let Command::Work(work) = Cli::parse_from(["karst-server", "work", "--threads", "3"]).command else {
             panic!("work");
         };
@@ -230,11 +322,28 @@ mod tests {
     }
 
     #[test]
-    fn only_loopback() {
-        assert!(loopback("127.0.0.1:0").is_ok() && loopback("[::1]:7878").is_ok());
-        for text in ["0.0.0.0:7878", "192.168.1.5:80", "[::]:1", "localhost", ""] {
-            assert!(loopback(text).is_err(), "{text}");
+    fn beyond_loopback_there_is_a_certificate_or_a_refusal() {
+        let dir = tempfile::tempdir().unwrap();
+        let tls = |listen: &str| {
+            let data = dir.path().to_str().unwrap();
+            let cli =
+                Cli::try_parse_from(["karst-server", "serve", "--listen", listen, "--data", data]).unwrap();
+            let Command::Serve(serve) = cli.command else { panic!("serve") };
+            serve.tls()
+        };
+        for listen in ["127.0.0.1:0", "[::1]:7878"] {
+            assert!(tls(listen).unwrap().is_none(), "{listen}");
         }
-        assert!(loopback("0.0.0.0:1").unwrap_err().contains("TLS"));
+        for listen in ["0.0.0.0:7878", "192.168.1.5:80", "[::]:1"] {
+            assert!(tls(listen).unwrap_err().contains("token init --tls"), "{listen}");
+        }
+        std::fs::create_dir(dir.path().join("tls")).unwrap();
+        std::fs::write(dir.path().join("tls/cert.pem"), "").unwrap();
+        assert!(tls("0.0.0.0:7878").unwrap().is_some());
+        assert!(Cli::try_parse_from(["karst-server", "serve", "--listen", "localhost"]).is_err());
+        assert!(
+            Cli::try_parse_from(["karst-server", "serve", "--tls-cert", "x"]).is_err(),
+            "a key is missing"
+        );
     }
 }

@@ -29,6 +29,7 @@ pub mod digest;
 pub mod door;
 pub mod error;
 pub mod farm;
+mod health;
 pub mod job;
 pub mod model;
 pub mod past;
@@ -38,6 +39,8 @@ pub mod spec;
 pub mod state;
 pub mod uploads;
 pub mod work;
+
+pub use health::health;
 
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -57,11 +60,11 @@ use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
-use tonic::transport::Server;
 use tonic::transport::server::{Router, TcpIncoming};
+use tonic::transport::{Identity, Server, ServerTlsConfig};
 
 use crate::blobs::{Blobs, Kind};
-use crate::config::Config;
+use crate::config::{Config, TlsFiles};
 use crate::door::{GuardLayer, Tokens};
 use crate::error::Error;
 use crate::farm::fleet::Fleet;
@@ -103,7 +106,8 @@ pub async fn serve(
     let shared = open(&config, &queue).await?;
     let uploads = Uploads::open(&config.data.join("uploads"), shared.blobs.clone())?;
     let (outlets, machinery) = start(&shared, &queue, config.workers).await?;
-    let router = router(&shared, uploads, outlets, tokens).await?;
+    let builder = builder(config.tls.as_ref())?;
+    let router = router(builder, &shared, uploads, outlets, tokens).await?;
     let _signpost = Signpost::leave(&listener, &config);
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     ready();
@@ -239,7 +243,32 @@ impl Machinery {
     }
 }
 
+/// A server with the limits and the certificate that hold for all connections.
+fn builder(tls: Option<&TlsFiles>) -> Result<Server, Error> {
+    let builder = Server::builder()
+        .http2_keepalive_interval(Some(Duration::from_secs(30)))
+        .http2_keepalive_timeout(Some(Duration::from_secs(10)))
+        .max_concurrent_streams(Some(MAX_STREAMS))
+        .http2_max_header_list_size(Some(MAX_HEADER_BYTES));
+    let Some(tls) = tls else { return Ok(builder) };
+    let read = |path: &Path| {
+        let named = |e: std::io::Error| std::io::Error::new(e.kind(), format!("{}: {e}", path.display()));
+        std::fs::read(path).map_err(named)
+    };
+    let identity = Identity::from_pem(read(&tls.cert)?, read(&tls.key)?);
+    let wrong = |e: tonic::transport::Error| {
+        let cause = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
+        Error::Storage(std::io::Error::other(format!(
+            "{} and {} are not a certificate and its key: {cause}",
+            tls.cert.display(),
+            tls.key.display()
+        )))
+    };
+    builder.tls_config(ServerTlsConfig::new().identity(identity)).map_err(wrong)
+}
+
 async fn router(
+    builder: Server,
     shared: &Arc<Shared>,
     uploads: Uploads,
     outlets: Outlets,
@@ -271,11 +300,7 @@ async fn router(
         .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
         .build_v1()
         .map_err(|e| Error::Internal(e.to_string()))?;
-    Ok(Server::builder()
-        .http2_keepalive_interval(Some(Duration::from_secs(30)))
-        .http2_keepalive_timeout(Some(Duration::from_secs(10)))
-        .max_concurrent_streams(Some(MAX_STREAMS))
-        .http2_max_header_list_size(Some(MAX_HEADER_BYTES))
+    Ok(builder
         .layer(GuardLayer { tokens })
         .add_service(health)
         .add_service(reflection)

@@ -7,8 +7,9 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use karst_server::config::{Cli, Command, Serve, Token};
-use karst_server::door::{line, new_token};
+use karst_server::config::{Cli, Command, LogFormat, Serve, TlsFiles, Token};
+use karst_server::door::{Role, Tokens, line, make_certificate, new_token};
+use karst_server::health;
 use karst_server::work::{WorkError, work};
 use tokio::net::TcpListener;
 use tracing_subscriber::EnvFilter;
@@ -18,16 +19,21 @@ fn main() -> ExitCode {
         return fail(&e);
     }
     let command = Cli::parse().command;
-    let log = match &command {
-        Command::Serve(options) => &options.log,
-        Command::Work(options) => &options.log,
+    let (log, format) = match &command {
+        Command::Serve(options) => (&*options.log, options.log_format),
+        Command::Work(options) => (&*options.log, options.log_format),
         Command::Token(options) => return token(options),
+        Command::Health(_) => ("off", LogFormat::Text),
     };
     let filter = match EnvFilter::try_new(log) {
         Ok(filter) => filter,
         Err(e) => return fail(&format_args!("--log {log:?}: {e}")),
     };
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let logger = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    match format {
+        LogFormat::Text => logger.init(),
+        LogFormat::Json => logger.json().init(),
+    }
     let runtime = match tokio::runtime::Builder::new_multi_thread().worker_threads(4).enable_all().build() {
         Ok(runtime) => runtime,
         Err(e) => return fail(&e),
@@ -45,28 +51,52 @@ fn main() -> ExitCode {
             }
         },
         Command::Token(options) => token(&options),
+        Command::Health(options) => {
+            match runtime.block_on(health(&options.server, options.ca_file.as_deref())) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(e) => fail(&e),
+            }
+        }
     }
 }
 
-/// Makes a token: the only time that it can be seen.
 fn token(options: &Token) -> ExitCode {
-    let Token::New { role, name, data } = options;
-    let token = new_token();
-    let line = line(*role, name, &token);
-    if let Some(data) = data
-        && let Err(e) = add_line(&data.join("tokens"), &line)
-    {
-        return fail(&format_args!("{}: {e}", data.join("tokens").display()));
-    }
-    let mut stdout = std::io::stdout().lock();
-    match writeln!(stdout, "token: {token}\nline:  {line}") {
+    let done = match options {
+        Token::New { role, name, data } => make_token(*role, name, data.as_deref()),
+        Token::Init { tls, names, data } => prepare(data, if *tls { names } else { &[] }),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => fail(&e),
     }
 }
 
-fn add_line(file: &Path, line: &str) -> std::io::Result<()> {
-    let mut file = OpenOptions::new().append(true).create(true).mode(0o600).open(file)?;
+/// Makes a token: the only time that it can be seen.
+fn make_token(role: Role, name: &str, data: Option<&Path>) -> std::io::Result<()> {
+    let token = new_token();
+    let line = line(role, name, &token);
+    if let Some(data) = data {
+        add_line(&data.join("tokens"), &line)?;
+    }
+    writeln!(std::io::stdout().lock(), "token: {token}\nline:  {line}")
+}
+
+fn prepare(data: &Path, names: &[String]) -> std::io::Result<()> {
+    std::fs::create_dir_all(data)?;
+    Tokens::open(data, None)?;
+    let mut stdout = std::io::stdout().lock();
+    writeln!(stdout, "token of this account: {}", data.join("token").display())?;
+    if names.is_empty() {
+        return Ok(());
+    }
+    let files = TlsFiles::of(data);
+    let what = if make_certificate(&files, names)? { "made" } else { "kept" };
+    writeln!(stdout, "certificate ({what}), for --ca-file of clients and workers: {}", files.cert.display())
+}
+
+fn add_line(path: &Path, line: &str) -> std::io::Result<()> {
+    let named = |e: std::io::Error| std::io::Error::new(e.kind(), format!("{}: {e}", path.display()));
+    let mut file = OpenOptions::new().append(true).create(true).mode(0o600).open(path).map_err(named)?;
     // One write: a server that reads meanwhile sees all of the line or nothing.
     file.write_all(format!("{line}\n").as_bytes())?;
     file.sync_all()
@@ -83,6 +113,8 @@ fn exit_code(error: &WorkError) -> ExitCode {
 }
 
 async fn serve(options: &Serve) -> Result<(), Box<dyn std::error::Error>> {
+    let config = options.config()?;
+    let scheme = if config.tls.is_some() { "https" } else { "http" };
     let listener = TcpListener::bind(options.listen)
         .await
         .map_err(|e| format!("cannot listen on {}: {e}", options.listen))?;
@@ -90,9 +122,9 @@ async fn serve(options: &Serve) -> Result<(), Box<dyn std::error::Error>> {
     // Scripts wait for this line to learn the port.
     let ready = move || {
         let mut stdout = std::io::stdout().lock();
-        let _ = writeln!(stdout, "listening on http://{address}").and_then(|()| stdout.flush());
+        let _ = writeln!(stdout, "listening on {scheme}://{address}").and_then(|()| stdout.flush());
     };
-    Ok(karst_server::serve(listener, options.config(), ready, stopped()).await?)
+    Ok(karst_server::serve(listener, config, ready, stopped()).await?)
 }
 
 /// Resolves when somebody wants the program to end.

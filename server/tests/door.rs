@@ -4,14 +4,18 @@
 
 mod support;
 
+use std::path::Path;
 use std::process::Command;
 
+use karst_core::scene::Overrides;
 use karst_proto::FILE_DESCRIPTOR_SET;
-use karst_proto::connect::Bearer;
+use karst_proto::connect::{Bearer, endpoint};
+use karst_proto::v1::JobState;
 use karst_server::door::{Role, line, new_token};
 use prost::Message as _;
 use prost_types::FileDescriptorSet;
-use support::{Client, TestServer, raw, refusal};
+use support::program::Program;
+use support::{Client, TestServer, hash, raw, refusal, render_locally, request_id, scene_text};
 use tonic::{Code, Status};
 
 /// Every call of the protos, and those of the standard services.
@@ -95,4 +99,75 @@ fn tokens_are_made_by_the_program() {
     let known = std::fs::read_to_string(dir.path().join("tokens")).unwrap();
     assert_eq!(known.trim(), line(Role::Work, "farm", token));
     assert!(text.contains(known.trim()) && Bearer::new(token).is_ok());
+}
+
+/// A server that other machines can reach, with a certificate of its own: a worker and a client with the right
+/// tokens render a job, and nothing in the clear gets an answer.
+#[tokio::test(flavor = "multi_thread")]
+async fn beyond_loopback_everything_is_encrypted() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let program = || Command::new(env!("CARGO_BIN_EXE_karst-server"));
+    let mut init = program();
+    init.args(["token", "init", "--tls", "--name", "localhost", "--name", "127.0.0.1", "--data"]).arg(&data);
+    assert!(init.output().unwrap().status.success());
+    let ca = data.join("tls/cert.pem");
+    let tokens = [Role::Submit, Role::Work].map(|role| (role, new_token()));
+    let lines: Vec<String> = tokens.iter().map(|(role, token)| line(*role, "x", token)).collect();
+    std::fs::write(data.join("tokens"), lines.join("\n")).unwrap();
+    let [(_, submit), (_, work)] = &tokens;
+    std::fs::write(dir.path().join("work"), work).unwrap();
+
+    let server = Program::start_on(&data, 0, "0.0.0.0:0");
+    let url = server.url.replace("0.0.0.0", "localhost");
+    assert!(url.starts_with("https://"), "{url}");
+    let health = |url: &str, ca: Option<&Path>| {
+        let mut asked = program();
+        asked.args(["health", "--server", url]);
+        asked.args(ca.into_iter().flat_map(|ca| [Path::new("--ca-file"), ca]));
+        let output = asked.output().unwrap();
+        (output.status.success(), String::from_utf8(output.stderr).unwrap())
+    };
+    assert_eq!(health(&url, Some(&ca)), (true, String::new()));
+    let (serves, text) = health(&url, None);
+    assert!(!serves && text.contains("certificate"), "an unknown certificate: {text}");
+    let (serves, text) = health(&url.replace("https", "http"), None);
+    assert!(!serves, "in the clear: {text}");
+
+    let mut worker = program()
+        .args(["work", "--threads", "1", "--log", "warn", "--server", &url, "--cache"])
+        .arg(dir.path().join("cache"))
+        .arg("--token-file")
+        .arg(dir.path().join("work"))
+        .arg("--ca-file")
+        .arg(&ca)
+        .spawn()
+        .unwrap();
+    let channel = endpoint(&url, Some(&ca)).unwrap().connect().await.unwrap();
+    let mut client = Client::over(channel, submit);
+    let text = scene_text((64, 48), r#"{"spp": 8}"#, "");
+    let spec = client.spec(&text).await;
+    let job = client.submit(&request_id("tls"), &spec).await.unwrap().id;
+    assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
+    let local = render_locally(&text, 1, &Overrides::default(), 64);
+    assert_eq!(hash(&client.collect(&job, 1).await.unwrap()), hash(&local));
+    worker.kill().unwrap();
+    worker.wait().unwrap();
+}
+
+#[test]
+fn a_worker_without_the_right_token_ends_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Program::start(dir.path(), 1);
+    std::fs::write(dir.path().join("wrong"), new_token()).unwrap();
+    let worker = Command::new(env!("CARGO_BIN_EXE_karst-server"))
+        .args(["work", "--threads", "1", "--server", &server.url, "--cache"])
+        .arg(dir.path().join("cache"))
+        .arg("--token-file")
+        .arg(dir.path().join("wrong"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&worker.stderr);
+    assert_eq!(worker.status.code(), Some(77), "{text}");
+    assert!(text.contains("this token is not known here"), "{text}");
 }

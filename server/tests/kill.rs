@@ -148,5 +148,5 @@ fn other_addresses_are_refused_with_the_reason() {
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && text.contains("no TLS yet"), "{text}");
+    assert!(!output.status.success() && text.contains("token init --tls"), "{text}");
 }

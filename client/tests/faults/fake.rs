@@ -55,7 +55,7 @@ impl Fake {
             .add_service(JobsServer::new(shared.clone()))
             .add_service(FramesServer::new(shared));
         tokio::spawn(server.serve_with_incoming(TcpListenerStream::new(listener)));
-        (Client::connect(&format!("http://{address}"), Bearer::default()).await.unwrap(), state)
+        (Client::connect(&format!("http://{address}"), None, Bearer::default()).await.unwrap(), state)
     }
 }
 

@@ -124,6 +124,6 @@ async fn a_download_is_whole_or_not_there() {
 
 #[tokio::test]
 async fn nobody_listening_is_said_at_once() {
-    let error = Client::connect("http://127.0.0.1:1", Bearer::default()).await.unwrap_err();
+    let error = Client::connect("http://127.0.0.1:1", None, Bearer::default()).await.unwrap_err();
     assert!(matches!(error, Error::Connect { .. }), "{error}");
 }

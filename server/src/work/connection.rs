@@ -22,7 +22,7 @@ impl Link {
     /// The address is malformed, or the token cannot be read.
     pub(crate) fn new(config: &WorkConfig) -> Result<Self, WorkError> {
         let usage = |e: karst_proto::connect::ConnectError| WorkError::Usage(e.to_string());
-        let endpoint = endpoint(&config.server).map_err(usage)?;
+        let endpoint = endpoint(&config.server, config.ca_file.as_deref()).map_err(usage)?;
         let bearer =
             bearer(&config.server, config.token_file.as_deref(), config.state.as_deref()).map_err(usage)?;
         // A worker notices soon that its server's machine is gone: there may be another way to it.

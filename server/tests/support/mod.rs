@@ -64,7 +64,7 @@ pub const LEASE: Duration = Duration::from_secs(2);
 
 /// What a server of the tests is told.
 pub fn config(data: &Path, workers: usize) -> Config {
-    Config { data: data.to_owned(), workers, lease: LEASE, tokens_file: None, state: None }
+    Config { data: data.to_owned(), workers, lease: LEASE, tls: None, tokens_file: None, state: None }
 }
 
 /// The local token of a data folder.
@@ -122,7 +122,11 @@ pub struct Client {
 
 impl Client {
     pub async fn connect(url: &str, token: &str) -> Self {
-        let channel = Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
+        Self::over(Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap(), token)
+    }
+
+    /// Over a connection that is there.
+    pub fn over(channel: Channel, token: &str) -> Self {
         let channel = InterceptedService::new(channel, Bearer::new(token).unwrap());
         Self {
             assets: AssetsClient::new(channel.clone()),
