@@ -43,7 +43,7 @@ karst_server() {
   if [ -z "$image" ]; then
     karst-server "$@"
   else
-    "$engine" run --rm --network none --read-only --cap-drop ALL --security-opt no-new-privileges \
+    "$engine" run --rm --no-healthcheck --network none --read-only --cap-drop ALL --security-opt no-new-privileges \
       --user "$(id -u):$(id -g)" --volume "$folder:$folder" "$image" "$@"
   fi
 }

@@ -44,7 +44,7 @@ clean_up() {
       "$engine" logs "$name-$one" 2>&1 | tail -n 20 >&2 || true
     done
   fi
-  "$engine" rm -f "$name-server" "$name-worker1" "$name-worker2" >/dev/null 2>&1 || true
+  "$engine" rm -f -v "$name-server" "$name-worker1" "$name-worker2" >/dev/null 2>&1 || true
   "$engine" network rm "$name" >/dev/null 2>&1 || true
   "$engine" volume rm "$name" >/dev/null 2>&1 || true
   rm -rf "$work"
@@ -61,7 +61,7 @@ if [ -z "$image" ]; then
 fi
 
 # The rules of every container: nothing of the machine, nothing to write to but what is named.
-rules=(--read-only --tmpfs /tmp --cap-drop ALL --security-opt no-new-privileges --pids-limit 256)
+rules=(--no-healthcheck --read-only --tmpfs /tmp --cap-drop ALL --security-opt no-new-privileges --pids-limit 256)
 ca=/etc/karst/tls/cert.pem
 
 step "secrets"
@@ -70,7 +70,7 @@ secrets="$("$root/docker/secrets.sh" --engine "$engine" --image "$image" --name 
 step "network without a way out, volume, server"
 "$engine" network create --internal "$name" >/dev/null
 "$engine" volume create "$name" >/dev/null
-"$engine" run -d --name "$name-server" --network "$name" "${rules[@]}" --memory 4g --cpus 2 --no-healthcheck \
+"$engine" run -d --name "$name-server" --network "$name" "${rules[@]}" --memory 4g --cpus 2 \
   -v "$name:/data" -v "$secrets/tls:/etc/karst/tls:ro" -v "$secrets/tokens:/etc/karst/tokens:ro" \
   -e KARST_WORKERS=0 -e KARST_TLS_CERT="$ca" -e KARST_TLS_KEY=/etc/karst/tls/key.pem \
   -e KARST_TOKENS_FILE=/etc/karst/tokens "$image" serve >/dev/null
@@ -96,7 +96,7 @@ mapfile -t as_client < <(caller submit)
 
 step "two workers"
 for one in worker1 worker2; do
-  "$engine" run -d --name "$name-$one" "${as_worker[@]}" --memory 2g --cpus 1 --no-healthcheck --tmpfs /cache:mode=1777 \
+  "$engine" run -d --name "$name-$one" "${as_worker[@]}" --memory 2g --cpus 1 -v /cache \
     "$image" work >/dev/null
 done
 
@@ -114,13 +114,13 @@ done
 say "user 10001, no capabilities, read-only root, three network namespaces"
 
 step "what must be refused"
-said="$("$engine" run --rm --network none "${rules[@]}" --tmpfs /data:mode=1777 "$image" serve 2>&1)" &&
+said="$("$engine" run --rm --network none "${rules[@]}" -v /data "$image" serve 2>&1)" &&
   fail "a server without TLS listens on every address"
 grep -qi tls <<<"$said" || fail "a server without TLS does not say why it refuses: $said"
 echo nonsense >"$work/wrong.token" && chmod 0644 "$work/wrong.token"
 status=0
 "$engine" run --rm "${as_worker[@]}" -v "$work/wrong.token:/etc/karst/wrong:ro" -e KARST_TOKEN_FILE=/etc/karst/wrong \
-  --tmpfs /cache:mode=1777 "$image" work >/dev/null 2>&1 || status=$?
+  -v /cache "$image" work >/dev/null 2>&1 || status=$?
 [ "$status" = 77 ] || fail "a worker with a wrong token ends with $status, expected 77"
 say "no TLS, no token: refused"
 
