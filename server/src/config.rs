@@ -1,12 +1,12 @@
 //! Owns the command line; the only file that reads the environment.
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 
-use crate::door::Role;
+use crate::door::{Role, TlsFiles};
 
 /// The karst render service.
 #[derive(Debug, Parser)]
@@ -260,22 +260,6 @@ fn default_cache() -> PathBuf {
 fn host() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     if name.trim().is_empty() { "worker".to_owned() } else { name.trim().to_owned() }
-}
-
-/// A certificate and its key, as PEM files.
-#[derive(Debug, Clone)]
-pub struct TlsFiles {
-    /// The certificate, with those between it and its root.
-    pub cert: PathBuf,
-    /// Its private key.
-    pub key: PathBuf,
-}
-
-impl TlsFiles {
-    /// Where a data folder has them.
-    pub fn of(data: &Path) -> Self {
-        Self { cert: data.join("tls").join("cert.pem"), key: data.join("tls").join("key.pem") }
-    }
 }
 
 /// What [`crate::serve`] needs to know.

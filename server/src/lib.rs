@@ -64,8 +64,8 @@ use tonic::transport::server::{Router, TcpIncoming};
 use tonic::transport::{Identity, Server, ServerTlsConfig};
 
 use crate::blobs::{Blobs, Kind};
-use crate::config::{Config, TlsFiles};
-use crate::door::{GuardLayer, Tokens};
+use crate::config::Config;
+use crate::door::{GuardLayer, TlsFiles, Tokens};
 use crate::error::Error;
 use crate::farm::fleet::Fleet;
 use crate::farm::ledger::{self, Ledger};

@@ -7,8 +7,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use karst_server::config::{Cli, Command, LogFormat, Serve, TlsFiles, Token};
-use karst_server::door::{Role, Tokens, line, make_certificate, new_token};
+use karst_server::config::{Cli, Command, LogFormat, Serve, Token};
+use karst_server::door::{Role, TlsFiles, Tokens, line, make_certificate, new_token};
 use karst_server::health;
 use karst_server::work::{WorkError, work};
 use tokio::net::TcpListener;

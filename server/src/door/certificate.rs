@@ -3,8 +3,23 @@
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
 
-use crate::config::TlsFiles;
+/// A certificate and its key, as PEM files.
+#[derive(Debug, Clone)]
+pub struct TlsFiles {
+    /// The certificate, with those between it and its root.
+    pub cert: PathBuf,
+    /// Its private key.
+    pub key: PathBuf,
+}
+
+impl TlsFiles {
+    /// Where a data folder has them.
+    pub fn of(data: &Path) -> Self {
+        Self { cert: data.join("tls").join("cert.pem"), key: data.join("tls").join("key.pem") }
+    }
+}
 
 /// Makes a self-signed certificate for these names and addresses, and its key, which only this account can read;
 /// false when there is one already.

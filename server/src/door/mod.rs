@@ -8,7 +8,7 @@ mod guard;
 mod role;
 mod tokens;
 
-pub use certificate::make_certificate;
+pub use certificate::{TlsFiles, make_certificate};
 pub(crate) use guard::GuardLayer;
 pub use role::Role;
 pub use tokens::{Tokens, line, new_token};
