@@ -41,12 +41,12 @@ clean_up() {
   if [ "$status" -ne 0 ]; then
     for one in server worker1 worker2; do
       printf -- '-- the end of what %s said\n' "$one" >&2
-      "$engine" logs "$name-$one" 2>&1 | tail -n 20 >&2 || true
+      "$engine" logs "$name-$one" 2>&1 | tail -n 20 >&2 || :
     done
   fi
-  "$engine" rm -f -v "$name-server" "$name-worker1" "$name-worker2" >/dev/null 2>&1 || true
-  "$engine" network rm "$name" >/dev/null 2>&1 || true
-  "$engine" volume rm "$name" >/dev/null 2>&1 || true
+  "$engine" rm -f -v "$name-server" "$name-worker1" "$name-worker2" >/dev/null 2>&1 || :
+  "$engine" network rm "$name" >/dev/null 2>&1 || :
+  "$engine" volume rm "$name" >/dev/null 2>&1 || :
   rm -rf "$work"
 }
 trap clean_up EXIT

@@ -48,10 +48,10 @@ one=karst-server-pod-0-server
 clean_up() {
   local status=$?
   if [ "$status" -ne 0 ] && podman container exists "$one"; then
-    podman logs "$one" 2>&1 | tail -n 20 >&2 || true
+    podman logs "$one" 2>&1 | tail -n 20 >&2 || :
   fi
-  podman pod rm -f "$pod" >/dev/null 2>&1 || true
-  podman volume rm -f karst-server-data karst-tls karst-ca karst-tokens >/dev/null 2>&1 || true
+  podman pod rm -f "$pod" >/dev/null 2>&1 || :
+  podman volume rm -f karst-server-data karst-tls karst-ca karst-tokens >/dev/null 2>&1 || :
   rm -rf "$work"
 }
 ! podman pod exists "$pod" || fail "a pod $pod is there already: podman pod rm -f $pod"

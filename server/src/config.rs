@@ -75,7 +75,7 @@ pub enum Token {
         #[arg(long, value_parser = word)]
         name: String,
         /// Adds the line to the tokens of this data folder, where a running server finds it at once.
-        #[arg(long, env = "KARST_DATA", value_name = "DIR")]
+        #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
     },
 }
