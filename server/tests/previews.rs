@@ -7,7 +7,6 @@ mod support;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use karst_proto::v1::previews_client::PreviewsClient;
 use karst_proto::v1::{self, JobState, PreviewLayer};
 use support::{Client, TestServer, fading, request_id, scene_text};
 use tokio::time::Instant;
@@ -115,8 +114,8 @@ async fn viewers_that_do_not_read_change_nothing() {
         // A small window: what the transport has taken is old by the time it is read.
         let endpoint = Channel::from_shared(server.url.clone()).unwrap();
         let endpoint = endpoint.initial_stream_window_size(65_535).initial_connection_window_size(65_535);
-        let mut previews = PreviewsClient::new(endpoint.connect().await.unwrap());
-        silent.push(previews.stream_tiles(all_of(&job)).await.unwrap().into_inner());
+        let mut viewer = Client::over(endpoint.connect().await.unwrap(), &server.token);
+        silent.push(viewer.previews.stream_tiles(all_of(&job)).await.unwrap().into_inner());
     }
     assert_eq!(client.finish(&job).await.state(), JobState::Succeeded);
     // Whoever begins to read now gets some old tiles from the pipe, and then the newest of each, once.
