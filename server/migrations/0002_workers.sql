@@ -23,6 +23,10 @@ CREATE TABLE pasts (
     PRIMARY KEY (job, frame, round, tile)
 );
 
+-- Whether anything refers to a blob is asked before it is deleted.
+CREATE INDEX results_by_pack ON results (pack);
+CREATE INDEX frames_by_film ON frames (film);
+
 -- Numbers that only rise.
 CREATE TABLE counters (
     name TEXT NOT NULL PRIMARY KEY,

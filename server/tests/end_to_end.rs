@@ -104,6 +104,25 @@ async fn an_animation_renders_every_frame_and_tells_everything_once() {
     server.stop().await;
 }
 
+/// The second job passes through the film that is the first one's last; throwing its own away must not take the
+/// other's along.
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_with_the_same_bytes_do_not_disturb_each_other() {
+    let text = scene_text(SIZE, r#"{"spp": 8}"#, "");
+    let dir = tempfile::tempdir().unwrap();
+    let server = TestServer::start(dir.path(), 2).await;
+    let mut client = server.client().await;
+    let spec = client.spec(&text).await;
+    let first = client.submit(&request_id("first"), &spec).await.unwrap().id;
+    client.finish(&first).await;
+    let pixels = client.collect(&first, 1).await.unwrap();
+    let settings = Some(v1::RenderSettings { spp: Some(64), ..Default::default() });
+    let more = client.submit(&request_id("more"), &v1::JobSpec { settings, ..spec }).await.unwrap().id;
+    client.finish(&more).await;
+    assert_eq!(hash(&client.collect(&first, 1).await.unwrap()), hash(&pixels));
+    server.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_request_makes_one_job_even_over_a_restart() {
     let text = scene_text(SIZE, r#"{"spp": 2}"#, "");

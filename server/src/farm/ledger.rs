@@ -169,10 +169,16 @@ impl Ledger {
             then();
         }
         for (kind, digest) in old {
-            if let Err(e) = self.blobs.delete(kind, &digest).await {
+            if let Err(e) = self.delete(kind, digest).await {
                 tracing::warn!("a blob that nobody needs stays until the next start: {e}");
             }
         }
+    }
+
+    /// Deletes a blob, unless another frame or job has the same bytes: a part of the picture that does not change,
+    /// the same scene once more.
+    async fn delete(&self, kind: Kind, digest: Digest) -> Result<(), Error> {
+        if self.state.is_needed(&digest).await? { Ok(()) } else { self.blobs.delete(kind, &digest).await }
     }
 
     async fn store_film(&self, film: NewFilm, old: &mut Vec<(Kind, Digest)>) -> Row {

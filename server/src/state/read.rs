@@ -225,6 +225,20 @@ impl State {
         Ok(jobs)
     }
 
+    /// Whether a row refers to this blob as a pack or a film: frames and jobs with the same bytes share one.
+    ///
+    /// # Errors
+    /// A failing database.
+    pub async fn is_needed(&self, digest: &Digest) -> Result<bool, Error> {
+        let rows: i64 = sqlx::query_scalar(
+            "SELECT (SELECT COUNT(*) FROM results WHERE pack = $1) + (SELECT COUNT(*) FROM frames WHERE film = $1)",
+        )
+        .bind(digest.to_string())
+        .fetch_one(&self.read)
+        .await?;
+        Ok(rows > 0)
+    }
+
     /// All packs that rows refer to.
     ///
     /// # Errors
