@@ -293,6 +293,7 @@ class Page {
     setText(get('title-job'), jobEntry ? jobEntry.name || jobEntry.id : '');
     setText(get('title-frame'), frame === null ? '' : `frame ${frame}`);
     document.title = jobEntry ? `${jobEntry.name || job} – karst` : 'karst';
+    get('strip').hidden = frames.size === 0;
     get('follow').setAttribute('aria-pressed', String(follow));
     this.probe.hover(this.hovered, this.hovered && this.picture.sample(this.hovered.x, this.hovered.y), this.wish.layer);
     this.mark();

@@ -42,7 +42,7 @@ export class Messages {
 
   /** The words in the middle of the stage, where there is no picture or something is wrong with it. */
   stage({ job, jobs, wanted, frame, shown, known }) {
-    const [title, text, kind] = this.reason({ job, jobs, wanted, frame, shown, known });
+    const [title, text, kind, code] = this.reason({ job, jobs, wanted, frame, shown, known });
     const box = get('message');
     box.hidden = !title;
     box.dataset.kind = kind ?? 'quiet';
@@ -50,6 +50,7 @@ export class Messages {
     box.classList.toggle('aside', shown.spp > 0);
     setText(get('message-title'), title ?? '');
     setText(get('message-text'), text ?? '');
+    setText(get('message-code'), code ?? '');
   }
 
   reason({ job, jobs, wanted, frame, shown, known }) {
@@ -57,7 +58,7 @@ export class Messages {
     if (frame?.state === 'Failed') return [`Frame ${frame.frame} failed`, frame.error ?? job?.error ?? '', 'bad'];
     if (job?.state === 'Failed' && shown.spp === 0) return ['This job failed', job.error ?? '', 'bad'];
     if (shown.spp > 0) return [];
-    if (!wanted) return jobs.length === 0 ? ['No jobs yet', 'Submit one, and its picture appears here:  karst submit scene.json'] : [];
+    if (!wanted) return jobs.length === 0 ? ['No jobs yet', 'Submit one, and its picture appears here.', 'quiet', 'karst submit scene.json'] : [];
     if (!known) return [];
     if (frame?.state === 'Cancelled') return [`Frame ${frame.frame} was cancelled`, 'before its first tile'];
     if (frame?.state === 'Pending' || job?.state === 'Queued') return ['Waiting for a worker', ''];

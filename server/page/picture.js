@@ -22,6 +22,9 @@ export class Picture {
     this.sheet = null;
     this.old = null;
     this.broken = false;
+    /** Regions of the frame that changed since they were drawn, and how everything else was drawn. */
+    this.changed = [];
+    this.painted = '';
     this.start();
     canvas.addEventListener('webglcontextlost', (event) => {
       event.preventDefault();
@@ -36,9 +39,11 @@ export class Picture {
   }
 
   start() {
-    const gl = this.canvas.getContext('webgl2', { antialias: false, depth: false, powerPreference: 'high-performance' });
+    // What was drawn stays, so that a new tile costs only its own pixels: without a graphics card that matters.
+    const gl = this.canvas.getContext('webgl2', { antialias: false, depth: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error('this browser has no WebGL2');
     this.gl = gl;
+    this.painted = '';
     this.program = compile(gl);
     gl.useProgram(this.program);
     this.at = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(this.program, name)]));
@@ -75,11 +80,13 @@ export class Picture {
     }
     this.sheet = newSheet(key, window, level);
     this.upload(this.sheet);
+    this.painted = '';
   }
 
   clear() {
     for (const sheet of [this.sheet, this.old]) if (sheet) this.gl.deleteTexture(sheet.texture);
     this.sheet = this.old = null;
+    this.painted = '';
   }
 
   /** Puts a tile into the picture; false when it does not fit what was announced. */
@@ -100,6 +107,7 @@ export class Picture {
       sheet.elements.set(rgba.subarray(row * columns * 4, (row + 1) * columns * 4), ((y + row) * sheet.columns + x) * 4);
     }
     sheet.tiles.set(`${tile.x0} ${tile.y0}`, { spp: tile.spp, area: (tile.x1 - tile.x0) * (tile.y1 - tile.y0) });
+    this.changed.push(tile);
     if (this.old && this.shown().covered >= 1) {
       this.gl.deleteTexture(this.old.texture);
       this.old = null;
@@ -146,14 +154,44 @@ export class Picture {
     return { spp: area > 0 ? samples / area : 0, covered: area / ((x1 - x0) * (y1 - y0)) };
   }
 
-  /** Draws with `place` {x, y, scale} in device pixels and `look` {exposure, view, layer}. */
+  /** Draws what changed, with `place` {x, y, scale} in device pixels and `look` {exposure, view, layer}. */
   draw(place, look) {
     if (this.broken) return;
-    const { gl, at, sheet, old, canvas } = this;
-    gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT);
+    const { gl, canvas, sheet } = this;
+    const how = JSON.stringify([place, look, canvas.width, canvas.height]);
+    const whole = how !== this.painted;
+    if (!whole && this.changed.length === 0) return;
+    this.painted = how;
+    const regions = this.changed;
+    this.changed = [];
+    if (whole) {
+      gl.viewport(0, 0, canvas.width, canvas.height);
+      gl.disable(gl.SCISSOR_TEST);
+      gl.clearColor(0, 0, 0, 0);
+      gl.clear(gl.COLOR_BUFFER_BIT);
+    }
     if (!sheet) return;
+    this.prepare(place, look);
+    gl.enable(gl.SCISSOR_TEST);
+    const [x0, y0, x1, y1] = sheet.window;
+    for (const region of whole ? [{ x0, y0, x1, y1 }] : regions) this.paint(region, place);
+  }
+
+  /** Draws a region of the frame, and as much around it as a smooth picture mixes in. */
+  paint(region, { x, y, scale }) {
+    const { gl, canvas } = this;
+    const more = 1 + Math.ceil(2 * this.sheet.step * Math.min(scale, 1));
+    const left = Math.max(Math.floor(x + region.x0 * scale) - more, 0);
+    const top = Math.max(Math.floor(y + region.y0 * scale) - more, 0);
+    const right = Math.min(Math.ceil(x + region.x1 * scale) + more, canvas.width);
+    const bottom = Math.min(Math.ceil(y + region.y1 * scale) + more, canvas.height);
+    if (right <= left || bottom <= top) return;
+    gl.scissor(left, canvas.height - bottom, right - left, bottom - top);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  prepare(place, look) {
+    const { gl, at, sheet, old, canvas } = this;
     this.bind(0, at.uPicture, sheet.texture);
     this.bind(1, at.uOld, old ? old.texture : this.nothing);
     this.bind(2, at.uSteps, this.steps);
@@ -168,7 +206,6 @@ export class Picture {
     gl.uniform1f(at.uGain, Math.fround(2 ** look.exposure));
     gl.uniform1i(at.uView, Math.max(['standard', 'filmic', 'false'].indexOf(look.view), 0));
     gl.uniform1i(at.uLayer, Math.max(['Color', 'Albedo', 'Normal'].indexOf(look.layer), 0));
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   bind(unit, uniform, name) {

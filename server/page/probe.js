@@ -74,8 +74,8 @@ export class Probe {
     const { pinned, answer } = this;
     get('probe-pinned').hidden = !pinned;
     get('probe-hint').hidden = Boolean(pinned);
+    setText(get('probe-at'), pinned ? `${pinned.x}, ${pinned.y}` : '');
     if (!pinned) return;
-    setText(get('probe-at'), `${pinned.x}, ${pinned.y}`);
     setText(get('probe-error'), answer?.error ?? '');
     get('probe-error').hidden = !answer?.error;
     // While the next answer is on its way the table keeps its shape.

@@ -40,7 +40,7 @@ export function showStatus(seen) {
   const target = info?.target_error;
   const rows = {
     state: frame ? stateWord(frame.state) : '–',
-    spp: shown.spp > 0 ? `${spp(shown.spp)}${info?.spp_goal ? ` of ${spp(info.spp_goal)}` : ''}` : '–',
+    spp: shown.spp > 0 ? `${spp(shown.spp)}${info?.spp_goal && frame?.state !== 'Finished' ? ` of ${spp(info.spp_goal)}` : ''}` : '–',
     error: frame && (frame.rounds > 0 || lively) ? errorPercent(error ?? NaN) : '–',
     target: target ? percent(target) : 'none',
     rounds: frame ? String(frame.rounds ?? 0) : '–',
