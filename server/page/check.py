@@ -79,6 +79,7 @@ class Wire:
         self.watch = 0
         self.info = None
         self.tiles = {}
+        self.answers = {}
         self.jobs = {}
         self.urls = []
 
@@ -94,6 +95,8 @@ class Wire:
                 self.tiles[header[1:3]] = (header, payload[32:])
             return
         message = json.loads(payload)
+        if message["type"] == "probe":
+            self.answers[(message.get("x"), message.get("y"))] = message.get("values", {})
         if message["type"] == "jobs":
             self.jobs = {job["id"]: job for job in message["jobs"]}
         if message["type"] == "frame" and message["watch"] >= self.watch:
@@ -213,32 +216,36 @@ class Check:
             fields = {"job": job} if options.frame is None else {"job": job, "frame": options.frame}
             self.page.evaluate("(hash) => { location.hash = hash; }", urllib.parse.urlencode(fields))
             began = options.started_at
-        wanted = json.dumps(job)
-        good = job is not None and self.until(f"karst.state().job === {wanted} && karst.state().info !== null", options.timeout)
+        wanted = f"s.job === {json.dumps(job)} && s.info !== null"
+        if options.frame is not None:
+            wanted += f" && s.frame === {options.frame} && s.info.frame === {options.frame}"
+        good = job is not None and self.until(f"(s => {wanted})(karst.state())", options.timeout)
         self.verdict(good, f"opened job {job}")
         if good and options.submit and self.state()["follow"]:
             self.page.keyboard.press(" ")  # stays with the first frame
         return good, began
 
     def first_pixels(self, began):
+        """Takes a picture of the first tiles. Returns what judges it: decoding takes longer than some jobs."""
         seen = self.until("karst.firstTileAt !== null", self.options.timeout)
-        shot = self.shot() if seen else b""
-        lit = seen and self.picture_pixels(shot, lambda red, green, blue: max(red, green, blue) > 32)
+        shot, state = (self.shot() if seen else b""), self.state()
+        return lambda: self.judge_first_pixels(seen and self.lit(shot, state), began, seen)
+
+    def judge_first_pixels(self, lit, began, seen):
         if began is None:
             self.verdict(lit, "the picture is on the screen (no --started-at: not timed)")
             return
         took = self.page.evaluate("karst.firstTileAt") - began if seen else float("inf")
         self.verdict(lit and took <= FIRST_PIXELS_SECONDS, f"first pixels {took:.2f} s after the job began, at most {FIRST_PIXELS_SECONDS} s")
 
-    def picture_pixels(self, shot, test):
-        """Whether any pixel of the picture, as it is on the screen, passes a test."""
+    def lit(self, shot, state):
+        """Whether any pixel of the picture, as it is on the screen, is brighter than the empty stage."""
         width, height, channels, rows = png_pixels(shot)
-        state = self.state()
         place, info = state["place"], state["info"]
         x0, y0 = max(place["x"], 0), max(place["y"], 0)
         x1 = min(int(place["x"] + info["width"] * place["scale"]), width)
         y1 = min(int(place["y"] + info["height"] * place["scale"]), height)
-        return any(test(*rows[y][x * channels : x * channels + 3]) for y in range(y0, y1) for x in range(x0, x1))
+        return any(max(rows[y][x * channels : x * channels + 3]) > 40 for y in range(y0, y1) for x in range(x0, x1))
 
     def keeps_changing(self):
         begun = self.state()
@@ -349,6 +356,9 @@ class Check:
         for layer in [name for name in pixel if name not in ("x", "y")]:
             good = layer in shown and bits(shown[layer]) == bits(pixel[layer])
             self.verdict(good, f"probe {x}, {y}: {layer} {shown.get(layer)} is bit for bit {pixel[layer]}")
+        answer = self.wire.answers.get((x, y), {})
+        same = bool(answer) and {name: bits(values) for name, values in answer.items()} == {k: bits(v) for k, v in shown.items()}
+        self.verdict(same, f"probe {x}, {y}: {len(answer)} layers are shown as the server sent them, bit for bit")
         found = self.wire.light(x, y)
         if found and max(map(abs, found[0])) < 60000:
             same = "Color" in shown and struct.pack("<3e", *shown["Color"]) == found[1]
@@ -388,8 +398,9 @@ def run(page, options, errors, requests):
     if check.enter():
         opened, began = check.open_job()
         if opened:
-            check.first_pixels(began)
+            judge_first_pixels = check.first_pixels(began)
             check.keeps_changing()
+            judge_first_pixels()
             check.exposure()
             check.probe()
             if options.submit:

@@ -45,10 +45,8 @@ export class Controls {
     get('legend').hidden = !(color && look.view === 'false');
   }
 
-  showZoom(scale, level) {
+  showZoom(scale) {
     setText(get('zoom-value'), `${scale < 0.0995 ? (scale * 100).toFixed(1) : Math.round(scale * 100)} %`);
-    const step = 2 ** level;
-    setText(get('zoom-level'), level > 0 ? `means of ${step}×${step} pixels` : '');
   }
 }
 

@@ -59,14 +59,14 @@ export class JobList {
 function fill(item, job, selected) {
   setText(item.name, job.name || job.id);
   setText(item.state, WORDS[job.state] ?? job.state);
-  setText(item.frames, `${job.frames_finished} of ${job.frames_total} ${job.frames_total === 1 ? 'frame' : 'frames'}`);
+  setText(item.frames, job.frames_total === 1 ? '' : `${job.frames_finished} of ${job.frames_total}`);
   setText(item.time, ago(job.submitted_at));
   setText(item.error, job.error ?? '');
   item.error.hidden = !job.error;
   item.bar.value = job.frames_total > 0 ? job.frames_finished / job.frames_total : 0;
   item.bar.hidden = ended(job) && !job.error;
   item.link.dataset.state = job.state;
-  item.link.title = `${job.name || job.id} (${job.id})`;
+  item.link.title = `${job.name || job.id} (${job.id}), ${job.frames_finished} of ${job.frames_total} frames finished`;
   if (selected) item.link.setAttribute('aria-current', 'true');
   else item.link.removeAttribute('aria-current');
 }

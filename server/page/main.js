@@ -66,7 +66,8 @@ class Page {
   async start() {
     const wish = permalink.parse(location.hash);
     this.take(wish);
-    addEventListener('hashchange', () => this.take(permalink.parse(location.hash)));
+    // The event's own address: the page may have written another one since.
+    addEventListener('hashchange', ({ newURL }) => this.take(permalink.parse(new URL(newURL).hash)));
     if (wish.token) {
       // The token must not stay in the address bar, nor in the history.
       this.showAddress(true);
@@ -197,7 +198,7 @@ class Page {
 
   frameKnown(message) {
     this.info = message;
-    this.stage.setSize(message.width, message.height);
+    this.stage.setSize(message.width, message.height, message.window);
     if (this.level() !== this.watch.level) {
       // The size was not known when the watch began.
       this.startWatch();
@@ -287,9 +288,9 @@ class Page {
     this.script.draws++;
     if (this.awaitFirst && !this.script.firstTileAt) this.script.firstTileAt = Date.now() / 1000;
     const jobEntry = this.selection.jobs.find((each) => each.id === job);
-    showStatus({ frame: entry, info: this.info, progress: this.progress, shown, ended: this.ended });
+    showStatus({ frame: entry, info: this.info, progress: this.progress, shown, ended: this.ended, step: this.picture.sheet?.step ?? 1 });
     this.messages.stage({ job: jobEntry, jobs: this.selection.jobs, wanted: job, frame: entry, shown, known: this.selection.known });
-    this.controls.showZoom(this.stage.place.scale, this.watch.level);
+    this.controls.showZoom(this.stage.place.scale);
     setText(get('title-job'), jobEntry ? jobEntry.name || jobEntry.id : '');
     setText(get('title-frame'), frame === null ? '' : `frame ${frame}`);
     document.title = jobEntry ? `${jobEntry.name || job} – karst` : 'karst';
@@ -316,7 +317,7 @@ class Page {
 
   showAddress(now = false) {
     const fragment = permalink.write({ ...this.selection.link(), ...this.wish });
-    if (now) history.replaceState(null, '', location.pathname + location.search + fragment);
+    if (now) permalink.replace(fragment);
     else permalink.show(fragment);
   }
 

@@ -31,12 +31,21 @@ export function write({ job, frame, layer, exposure, view, follow }) {
   return fields.size > 0 ? `#${fields}` : '';
 }
 
-let pending = 0;
+let latest = '';
+let timer = 0;
 
-/** Shows a fragment in the address bar without a new entry in the history; at most a few times a second. */
+/** Shows a fragment in the address bar without a new entry in the history; a few times a second, as browsers demand. */
 export function show(fragment) {
-  clearTimeout(pending);
-  pending = setTimeout(() => {
-    if (location.hash !== fragment) history.replaceState(null, '', location.pathname + location.search + fragment);
-  }, 150);
+  if (fragment === latest) return;
+  latest = fragment;
+  timer ||= setTimeout(() => {
+    timer = 0;
+    replace(latest);
+  }, 200);
+}
+
+/** The same at once. */
+export function replace(fragment) {
+  latest = fragment;
+  if (location.hash !== fragment) history.replaceState(null, '', location.pathname + location.search + fragment);
 }

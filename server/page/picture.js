@@ -12,6 +12,9 @@ const ONE = 0x3c00;
 /** Elements that one picture may have: 8 bytes each in memory and again on the graphics card. */
 const MOST_ELEMENTS = 1 << 25;
 
+/** Beyond this many changed tiles everything is drawn again. */
+const MOST_REGIONS = 256;
+
 /** Coarsest level that is used: tiles are multiples of 16 pixels, so elements of 16 never straddle two. */
 export const COARSEST = 4;
 
@@ -107,7 +110,12 @@ export class Picture {
       sheet.elements.set(rgba.subarray(row * columns * 4, (row + 1) * columns * 4), ((y + row) * sheet.columns + x) * 4);
     }
     sheet.tiles.set(`${tile.x0} ${tile.y0}`, { spp: tile.spp, area: (tile.x1 - tile.x0) * (tile.y1 - tile.y0) });
-    this.changed.push(tile);
+    this.changed.push({ x0: tile.x0, y0: tile.y0, x1: tile.x1, y1: tile.y1 });
+    // A tab that nobody sees is not drawn: what has changed must not grow meanwhile.
+    if (this.changed.length > MOST_REGIONS) {
+      this.changed = [];
+      this.painted = '';
+    }
     if (this.old && this.shown().covered >= 1) {
       this.gl.deleteTexture(this.old.texture);
       this.old = null;

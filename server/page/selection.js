@@ -23,12 +23,12 @@ export class Selection {
   takeJobs(jobs) {
     this.jobs = jobs;
     const current = jobs.find((job) => job.id === this.job);
-    if (this.byUser || (current && !ended(current)) || jobs.length === 0) return;
-    const next = jobs.find((job) => job.state === 'Running') ?? jobs.find((job) => !ended(job));
+    if (this.byUser || current?.state === 'Running' || jobs.length === 0) return;
+    const running = jobs.find((job) => job.state === 'Running');
+    const waiting = current && !ended(current) ? current : jobs.find((job) => !ended(job));
     // A finished picture stays until there is something new to see.
-    if (next && next.id !== this.job) this.setJob(next.id, null, true);
-    else if (!this.job) this.setJob(jobs[0].id, null, true);
-    else if (!current) this.setJob(jobs[0].id, null, true);
+    const next = running ?? waiting ?? current ?? jobs[0];
+    if (next.id !== this.job) this.setJob(next.id, null, true);
   }
 
   /** Somebody wants this job, perhaps this frame of it. `follow`: false, true, or 'jobs' to go on to the next job. */

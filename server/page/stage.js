@@ -12,8 +12,12 @@ export class Stage {
     this.canvas = canvas;
     this.on = on;
     this.size = { width: 0, height: 0 };
+    /** The pixels of the frame that are rendered. */
+    this.window = null;
     this.place = { x: 0, y: 0, scale: 1 };
     this.fitted = true;
+    /** Where the pointer hovers, if it does. */
+    this.pointer = null;
     this.pointers = new Map();
     this.gesture = null;
     this.observe();
@@ -40,31 +44,29 @@ export class Stage {
     }
   }
 
-  /** A frame of another size is fitted; one of the same size stays where the last one was. */
-  setSize(width, height) {
-    if (width === this.size.width && height === this.size.height) return;
+  /** A frame of another shape is fitted; one of the same shape stays where the last one was. */
+  setSize(width, height, window) {
+    const same = width === this.size.width && height === this.size.height && String(window) === String(this.window);
+    if (same) return;
     this.size = { width, height };
+    this.window = window;
     this.fit();
   }
 
-  /** The whole frame; enlarged only by whole numbers, so that every pixel stays a square. */
+  /** All that is rendered; enlarged only by whole numbers, so that every pixel stays a square. */
   fit() {
-    const { width, height } = this.size;
-    if (!width || !this.canvas.width) return;
+    if (!this.window || !this.canvas.width) return;
+    const [x0, y0, x1, y1] = this.window;
+    const [width, height] = [x1 - x0, y1 - y0];
     this.fitted = true;
     const free = MARGIN * 2 * this.density;
     const most = Math.min((this.canvas.width - free) / width, (this.canvas.height - free) / height);
     const scale = most >= 1 ? Math.min(Math.floor(most), LARGEST_SCALE) : Math.max(most, 0.01);
-    this.centre(scale);
+    this.move((this.canvas.width - (x0 + x1) * scale) / 2, (this.canvas.height - (y0 + y1) * scale) / 2, scale);
   }
 
-  centre(scale) {
-    const { width, height } = this.size;
-    this.move((this.canvas.width - width * scale) / 2, (this.canvas.height - height * scale) / 2, scale);
-  }
-
-  /** Zooms so that the point of the canvas (device pixels; by default its middle) stays where it is. */
-  zoomTo(scale, point = { x: this.canvas.width / 2, y: this.canvas.height / 2 }) {
+  /** Zooms so that a point of the canvas (device pixels; by default the pointer's, or the middle) stays where it is. */
+  zoomTo(scale, point = this.pointer ?? { x: this.canvas.width / 2, y: this.canvas.height / 2 }) {
     if (!this.size.width) return;
     this.fitted = false;
     const next = Math.min(Math.max(scale, 0.01), LARGEST_SCALE);
@@ -121,7 +123,10 @@ export class Stage {
     canvas.addEventListener('pointermove', (event) => this.moved(event));
     canvas.addEventListener('pointerup', (event) => this.up(event));
     canvas.addEventListener('pointercancel', (event) => this.up(event, true));
-    canvas.addEventListener('pointerleave', () => this.on.hover(null));
+    canvas.addEventListener('pointerleave', () => {
+      this.pointer = null;
+      this.on.hover(null);
+    });
   }
 
   down(event) {
@@ -144,6 +149,7 @@ export class Stage {
 
   moved(event) {
     const point = this.pointOf(event);
+    this.pointer = point;
     this.on.hover(this.pixelAt(point));
     if (!this.pointers.has(event.pointerId)) return;
     this.pointers.set(event.pointerId, point);

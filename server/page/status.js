@@ -5,7 +5,7 @@ import { count, duration, errorPercent, percent, spp } from './format.js';
 import { stateWord } from './strip.js';
 
 /** What the picture on screen honestly is: its samples, whether it will still change, and that nothing smoothed it. */
-export function label({ frame, info, shown, ended }) {
+export function label({ frame, info, shown, ended, step }) {
   if (!info || !frame) return '';
   const parts = [];
   const goal = info.spp_goal;
@@ -18,10 +18,11 @@ export function label({ frame, info, shown, ended }) {
   else if (shown.spp > 0) parts.push('preview');
   else parts.push(stateWord(frame.state));
   if (shown.spp > 0) parts.push('not denoised');
+  if (shown.spp > 0 && step > 1) parts.push(`means of ${step}×${step} pixels`);
   return parts.join(', ');
 }
 
-/** Fills the panel and the bar under the picture from `seen` {job, frame, info, progress, shown, ended, level}. */
+/** Fills the panel and the bar under the picture from `seen` {frame, info, progress, shown, ended, step}. */
 export function showStatus(seen) {
   const { frame, info, progress, shown } = seen;
   setText(get('label'), label(seen));
@@ -40,7 +41,7 @@ export function showStatus(seen) {
   const target = info?.target_error;
   const rows = {
     state: frame ? stateWord(frame.state) : '–',
-    spp: shown.spp > 0 ? `${spp(shown.spp)}${info?.spp_goal && frame?.state !== 'Finished' ? ` of ${spp(info.spp_goal)}` : ''}` : '–',
+    spp: shown.spp > 0 ? `${spp(shown.spp)}${info?.spp_goal && frame?.state !== 'Finished' ? ` of ${spp(info.spp_goal)}` : ''} spp` : '–',
     error: frame && (frame.rounds > 0 || lively) ? errorPercent(error ?? NaN) : '–',
     target: target ? percent(target) : 'none',
     rounds: frame ? String(frame.rounds ?? 0) : '–',
@@ -48,7 +49,7 @@ export function showStatus(seen) {
     size: info ? sizeText(info) : '–',
   };
   for (const [name, text] of Object.entries(rows)) setText(get(`fact-${name}`), text);
-  get('fact-error').classList.toggle('reached', Boolean(target && error <= target * target));
+  get('fact-error').classList.toggle('reached', Boolean(target && Number.isFinite(error) && error <= target * target));
 }
 
 /** The part of the planned samples that is done, from 0 to 1. */
