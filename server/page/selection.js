@@ -25,8 +25,9 @@ export class Selection {
     const current = jobs.find((job) => job.id === this.job);
     if (this.byUser || current?.state === 'Running' || jobs.length === 0) return;
     const running = jobs.find((job) => job.state === 'Running');
-    const waiting = current && !ended(current) ? current : jobs.find((job) => !ended(job));
-    // A finished picture stays until there is something new to see.
+    // A job that was just submitted is worth waiting for: its first tile is then not late. An older one is not.
+    const newer = (job) => !ended(job) && job.submitted_at > (current?.submitted_at ?? 0);
+    const waiting = !current || ended(current) ? jobs.find(newer) : null;
     const next = running ?? waiting ?? current ?? jobs[0];
     if (next.id !== this.job) this.setJob(next.id, null, true);
   }
@@ -95,6 +96,8 @@ export class Selection {
   setFollow(follow) {
     if (follow === this.follow) return;
     this.follow = follow;
+    // Whoever wants to stay with a frame wants to stay with its job.
+    if (!follow) this.byUser = true;
     const next = this.wanted();
     if (next !== null) this.setFrame(next);
     this.on.follow();
