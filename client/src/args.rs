@@ -198,9 +198,12 @@ pub(crate) struct CompareArgs {
     /// Error of the reference itself, the root of its relMSE: its square is taken off the relMSE.
     #[arg(long, value_name = "E", value_parser = positive)]
     pub(crate) reference_error: Option<f64>,
-    /// Layer of both files to compare: the beauty unless given.
+    /// Layer to compare, as in `Denoised`: the beauty unless given.
     #[arg(long, value_name = "NAME")]
     pub(crate) layer: Option<String>,
+    /// Layer of the reference, where it is another one: `beauty` or a name.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) reference_layer: Option<String>,
     /// Write a picture of the relative difference.
     #[arg(long, value_name = "D.png")]
     pub(crate) diff: Option<PathBuf>,

@@ -53,8 +53,14 @@ fn help_is_what_was_agreed() {
 
 /// A little EXR of `width` x 2 pixels with these colours.
 fn exr(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3]) {
+    exr_with(path, width, color, None);
+}
+
+/// The same with a denoised layer of one colour.
+fn exr_with(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3], denoised: Option<[f32; 3]>) {
     let count = width as usize * 2;
     let pixels: Vec<_> = (0..count).map(|index| color(index).into()).collect();
+    let denoised: Option<Vec<_>> = denoised.map(|color| (0..count).map(|_| color.into()).collect());
     let layers = Layers {
         full: (width, 2),
         window: (0, 0, width, 2),
@@ -64,7 +70,7 @@ fn exr(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3]) {
         depth: None,
         samples: None,
         error: None,
-        denoised: None,
+        denoised: denoised.as_deref(),
     };
     std::fs::write(path, write_exr(&layers, &Value::Null).unwrap()).unwrap();
 }
@@ -114,6 +120,15 @@ fn a_brighter_picture_is_measured() {
     assert!((number("rel_mse_corrected") - (0.01 / 1.01 - 0.0025)).abs() < 1e-7);
     assert!((number("mean_rel_diff") - 0.1).abs() < 1e-6);
     assert!(std::fs::read(&files.diff).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_layer_is_held_against_the_beauty_of_a_reference() {
+    let files = pair(|_| [1.0; 3], |_| [3.0; 3]);
+    exr_with(Path::new(&files.a), 4, |_| [1.0; 3], Some([3.0; 3]));
+    let found = compared(&[&files.a, &files.b, "--layer", "Denoised", "--reference-layer", "beauty"]);
+    assert_eq!((&found["identical"], &found["sha256_a"]), (&true.into(), &found["sha256_b"]));
+    assert_eq!(compared(&[&files.a, &files.b])["identical"], false);
 }
 
 #[test]

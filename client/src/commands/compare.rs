@@ -13,7 +13,8 @@ use crate::talk::Talk;
 
 pub(super) fn run(args: &CompareArgs, talk: Talk) -> Result<(), Error> {
     let (image_a, a) = read(&args.a, args.layer.as_deref())?;
-    let (image_b, b) = read(&args.b, args.layer.as_deref())?;
+    let reference_layer = args.reference_layer.as_ref().or(args.layer.as_ref());
+    let (image_b, b) = read(&args.b, reference_layer.map(String::as_str))?;
     if (image_a.width, image_a.height) != (image_b.width, image_b.height) {
         return Err(Error::Usage(format!(
             "cannot compare: {} is {}x{}, {} is {}x{}",
@@ -48,11 +49,11 @@ pub(super) fn run(args: &CompareArgs, talk: Talk) -> Result<(), Error> {
     Ok(())
 }
 
-/// The picture and the colours of one layer of it.
+/// The picture and the colours of one layer of it; the beauty has no name of its own in the file.
 fn read(path: &Path, layer: Option<&str>) -> Result<(ExrImage, Pixels), Error> {
     let bytes = std::fs::read(path).map_err(|source| Error::file(path, source))?;
     let image = read_exr(&bytes).map_err(|error| Error::Usage(format!("{}: {error}", path.display())))?;
-    let prefix = layer.map(|name| format!("{name}.")).unwrap_or_default();
+    let prefix = layer.filter(|name| *name != "beauty").map(|name| format!("{name}.")).unwrap_or_default();
     let planes = [["R", "G", "B"], ["X", "Y", "Z"]].iter().find_map(|names| {
         let plane = |name: &str| image.channel(&format!("{prefix}{name}"));
         Some([plane(names[0])?, plane(names[1])?, plane(names[2])?])
