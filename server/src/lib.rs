@@ -14,7 +14,8 @@
 //! | [`state`] | SQL |
 //! | [`blobs`] [`uploads`] [`digest`] | bytes by their SHA-256 |
 //! | [`farm`] | the event loop, the workers, the ledger that makes things durable |
-//! | [`preview`] | who watches pixels |
+//! | [`preview`] `view` `films` | who watches pixels, and what they see |
+//! | `front` `page` | the port, and the page that browsers show |
 //! | [`work`] | the other side: a process that renders tasks of a server |
 //!
 //! How a result comes to count: a worker renders a tile → the ledger stores its bytes (synced) → one transaction →
@@ -29,15 +30,19 @@ pub mod digest;
 pub mod door;
 pub mod error;
 pub mod farm;
+mod films;
+mod front;
 mod health;
 pub mod job;
 pub mod model;
+mod page;
 pub mod past;
 pub mod preview;
 pub mod service;
 pub mod spec;
 pub mod state;
 pub mod uploads;
+mod view;
 pub mod work;
 
 pub use health::health;
@@ -48,6 +53,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use axum::middleware::from_fn_with_state;
+use axum::response::IntoResponse as _;
 use karst_core::scene::Limits;
 use karst_proto::connect;
 use karst_proto::v1::assets_server::AssetsServer;
@@ -60,18 +67,20 @@ use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
-use tonic::transport::server::{Router, TcpIncoming};
-use tonic::transport::{Identity, Server, ServerTlsConfig};
+use tonic::Status;
+use tonic::codegen::http;
+use tonic::service::RoutesBuilder;
 
 use crate::blobs::{Blobs, Kind};
 use crate::config::Config;
-use crate::door::{GuardLayer, TlsFiles, Tokens};
+use crate::door::{Tokens, guard};
 use crate::error::Error;
 use crate::farm::fleet::Fleet;
 use crate::farm::ledger::{self, Ledger};
 use crate::farm::queue::Queue;
 use crate::farm::worker::{self, Outlets};
 use crate::farm::{Event, Farm, Shared};
+use crate::films::Films;
 use crate::service::assets::AssetsService;
 use crate::service::frames::FramesService;
 use crate::service::jobs::JobsService;
@@ -80,12 +89,8 @@ use crate::service::workers::WorkersService;
 use crate::state::State;
 use crate::uploads::Uploads;
 
-/// Open calls of one connection.
-const MAX_STREAMS: u32 = 100;
-/// Bytes of the headers of one call.
-const MAX_HEADER_BYTES: u32 = 16 << 10;
-/// Scenes that are checked, and stored films that are read, at the same time: each may be large.
-const HEAVY: usize = 4;
+/// Scenes that are checked at the same time: each may be large.
+const CHECKING: usize = 4;
 /// How long open calls may take to end when the server ends.
 const GRACE: Duration = Duration::from_secs(5);
 
@@ -106,31 +111,26 @@ pub async fn serve(
     let shared = open(&config, &queue).await?;
     let uploads = Uploads::open(&config.data.join("uploads"), shared.blobs.clone())?;
     let (outlets, machinery) = start(&shared, &queue, config.workers).await?;
-    let builder = builder(config.tls.as_ref())?;
-    let router = router(builder, &shared, uploads, outlets, tokens).await?;
+    let tls = config.tls.as_ref().map(front::acceptor).transpose()?;
+    let page = page::Page::new(&shared, &tokens, listener.local_addr()?.port(), tls.is_some());
+    let sockets = page.sockets.clone();
+    let routes = routes(&shared, uploads, outlets, tokens, page).await?;
     let _signpost = Signpost::leave(&listener, &config);
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-    ready();
     let ending = shared.ending.clone();
-    let served = router.serve_with_incoming_shutdown(incoming, ending.clone().cancelled_owned());
-    let mut served = std::pin::pin!(served);
-    let early = tokio::select! {
-        served = &mut served => Some(served),
-        () = shutdown => None,
-    };
+    let served = tokio::spawn(front::serve(listener, tls, routes, ending.clone()));
+    ready();
+    shutdown.await;
     ending.cancel();
-    let served = match early {
-        Some(served) => served,
-        // Calls that do not end in time are cut off: what they were told is durable anyway.
-        None => timeout(GRACE, served).await.unwrap_or(Ok(())),
-    };
+    sockets.close();
+    let all = async { tokio::join!(served, sockets.wait()) };
+    // Calls that do not end in time are cut off: what they were told is durable anyway.
+    if timeout(GRACE, all).await.is_err() {
+        tracing::info!("some calls were cut off");
+    }
     machinery.stop().await?;
     shared.state.close().await;
-    served.map_err(|e| Error::Internal(format!("the listener failed: {e}")))
+    Ok(())
 }
-
-/// All calls pass the guard.
-type Guarded = tower::layer::util::Stack<GuardLayer, tower::layer::util::Identity>;
 
 /// Shows programs of this account where the local token is, as long as the server runs.
 struct Signpost {
@@ -185,6 +185,7 @@ async fn open(config: &Config, queue: &Arc<Queue>) -> Result<Arc<Shared>, Error>
     Ok(Arc::new(Shared {
         fleet,
         state,
+        films: Films::new(blobs.clone()),
         blobs,
         limits: Limits::default(),
         live: farm::live::Live::default(),
@@ -243,38 +244,14 @@ impl Machinery {
     }
 }
 
-/// A server with the limits and the certificate that hold for all connections.
-fn builder(tls: Option<&TlsFiles>) -> Result<Server, Error> {
-    let builder = Server::builder()
-        .http2_keepalive_interval(Some(Duration::from_secs(30)))
-        .http2_keepalive_timeout(Some(Duration::from_secs(10)))
-        .max_concurrent_streams(Some(MAX_STREAMS))
-        .http2_max_header_list_size(Some(MAX_HEADER_BYTES));
-    let Some(tls) = tls else { return Ok(builder) };
-    let read = |path: &Path| {
-        let named = |e: std::io::Error| std::io::Error::new(e.kind(), format!("{}: {e}", path.display()));
-        std::fs::read(path).map_err(named)
-    };
-    let identity = Identity::from_pem(read(&tls.cert)?, read(&tls.key)?);
-    let wrong = |e: tonic::transport::Error| {
-        let cause = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
-        Error::Storage(std::io::Error::other(format!(
-            "{} and {} are not a certificate and its key: {cause}",
-            tls.cert.display(),
-            tls.key.display()
-        )))
-    };
-    builder.tls_config(ServerTlsConfig::new().identity(identity)).map_err(wrong)
-}
-
-async fn router(
-    builder: Server,
+/// Everything that is answered on the port: calls, and the page.
+async fn routes(
     shared: &Arc<Shared>,
     uploads: Uploads,
     outlets: Outlets,
     tokens: Arc<Tokens>,
-) -> Result<Router<Guarded>, Error> {
-    let films = Arc::new(Semaphore::new(HEAVY));
+    page: page::Page,
+) -> Result<axum::Router, Error> {
     let assets = AssetsServer::new(AssetsService {
         blobs: shared.blobs.clone(),
         uploads,
@@ -284,10 +261,10 @@ async fn router(
     let jobs = JobsServer::new(JobsService {
         shared: Arc::clone(shared),
         farm: outlets.farm.clone(),
-        checking: Semaphore::new(HEAVY),
+        checking: Semaphore::new(CHECKING),
     });
-    let frames = FramesServer::new(FramesService { shared: Arc::clone(shared), films: Arc::clone(&films) });
-    let previews = PreviewsServer::new(PreviewsService { shared: Arc::clone(shared), films });
+    let frames = FramesServer::new(FramesService { shared: Arc::clone(shared) });
+    let previews = PreviewsServer::new(PreviewsService { shared: Arc::clone(shared) });
     let workers = WorkersServer::new(WorkersService { shared: Arc::clone(shared), outlets });
     let (reporter, health) = tonic_health::server::health_reporter();
     reporter.set_serving::<AssetsServer<AssetsService>>().await;
@@ -300,13 +277,24 @@ async fn router(
         .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
         .build_v1()
         .map_err(|e| Error::Internal(e.to_string()))?;
-    Ok(builder
-        .layer(GuardLayer { tokens })
+    let mut calls = RoutesBuilder::default();
+    calls
         .add_service(health)
         .add_service(reflection)
         .add_service(assets.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(jobs.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(frames.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(previews.max_decoding_message_size(MAX_MESSAGE_BYTES))
-        .add_service(workers.max_decoding_message_size(MAX_WORKER_MESSAGE_BYTES)))
+        .add_service(workers.max_decoding_message_size(MAX_WORKER_MESSAGE_BYTES));
+    let calls = calls.routes().into_axum_router().route_layer(from_fn_with_state(tokens, guard));
+    Ok(calls.merge(page::routes(page)).fallback(unknown))
+}
+
+/// Nothing is at this path.
+async fn unknown(request: axum::extract::Request) -> axum::response::Response {
+    let kind = request.headers().get(http::header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
+    if kind.is_some_and(|kind| kind.starts_with("application/grpc")) {
+        return Status::unimplemented("this server has no such call").into_http();
+    }
+    (http::StatusCode::NOT_FOUND, "nothing is here; the page is at /\n").into_response()
 }

@@ -55,7 +55,19 @@ impl Hub {
         self.each(job, |viewer| viewer.mark(frame, tiles.iter().copied()));
     }
 
-    /// Nothing will change any more.
+    /// Frames of the job will not change any more: whoever looks at these alone has seen everything.
+    pub fn end_frames(&self, job: &str, frames: &[i32]) {
+        let is_over = |viewer: &Viewer| {
+            viewer.frames.as_ref().is_some_and(|wanted| wanted.iter().all(|frame| frames.contains(frame)))
+        };
+        self.each(job, |viewer| {
+            if is_over(viewer) {
+                viewer.end();
+            }
+        });
+    }
+
+    /// Nothing of the job will change any more.
     pub fn end(&self, job: &str) {
         self.each(job, Viewer::end);
     }
@@ -202,6 +214,20 @@ mod tests {
         hub.publish("j", 2, &[7]);
         hub.end("j");
         assert_eq!((viewer.next().await, viewer.next().await), (Next::Tile(2, 7), Next::End));
+    }
+
+    #[tokio::test]
+    async fn the_end_of_its_frames_is_the_end_for_a_viewer() {
+        let hub = Hub::default();
+        let one = hub.attach("j", Some(BTreeSet::from([1])));
+        let two = hub.attach("j", Some(BTreeSet::from([1, 2])));
+        let all = hub.attach("j", None);
+        hub.publish("j", 1, &[0]);
+        hub.end_frames("j", &[1]);
+        assert_eq!((one.next().await, one.next().await), (Next::Tile(1, 0), Next::End));
+        assert_eq!((two.take(), two.take()), (Some(Next::Tile(1, 0)), None));
+        hub.end_frames("j", &[1, 2]);
+        assert_eq!((two.take(), all.take(), all.take()), (Some(Next::End), Some(Next::Tile(1, 0)), None));
     }
 
     #[test]

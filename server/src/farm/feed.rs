@@ -3,8 +3,9 @@
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use tokio::sync::watch;
+use tokio::sync::watch::{self, Receiver};
 
 /// How a job is going. Lossy: only the newest counts.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +41,8 @@ pub struct Feed {
 #[derive(Debug, Default)]
 pub struct Feeds {
     feeds: Mutex<HashMap<String, Arc<Feed>>>,
+    /// Rises when a job is new or has changed.
+    changes: watch::Sender<u64>,
 }
 
 impl Feeds {
@@ -47,7 +50,22 @@ impl Feeds {
     pub fn open(&self, job: &str, revision: u64) -> Arc<Feed> {
         let new =
             || Arc::new(Feed { revision: watch::Sender::new(revision), progress: watch::Sender::new(None) });
-        Arc::clone(self.lock().entry(job.to_owned()).or_insert_with(new))
+        let feed = Arc::clone(self.lock().entry(job.to_owned()).or_insert_with(new));
+        self.changes.send_modify(|changes| *changes += 1);
+        feed
+    }
+
+    /// A revision of a job is durable.
+    pub fn tell(&self, job: &str, revision: u64) {
+        if let Some(feed) = self.get(job) {
+            feed.revision.send_replace(revision);
+        }
+        self.changes.send_modify(|changes| *changes += 1);
+    }
+
+    /// Hears of every change of any job.
+    pub fn changes(&self) -> Receiver<u64> {
+        self.changes.subscribe()
     }
 
     /// The feed of an unfinished job.
@@ -62,5 +80,52 @@ impl Feeds {
 
     fn lock(&self) -> MutexGuard<'_, HashMap<String, Arc<Feed>>> {
         self.feeds.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Something comes at the latest after this time.
+const QUIET: Duration = Duration::from_secs(15);
+
+/// One watcher's ear.
+#[derive(Debug)]
+pub struct Listener {
+    revision: Receiver<u64>,
+    progress: Receiver<Option<Progress>>,
+}
+
+/// What a watcher hears.
+#[derive(Debug)]
+pub enum News {
+    /// There are new records, perhaps.
+    Record,
+    /// How it is going.
+    Progress(Progress),
+    /// The job has ended.
+    Closed,
+    /// Nothing has happened for 15 s.
+    Quiet,
+}
+
+impl Listener {
+    /// Hears the news of a feed.
+    pub fn new(feed: &Feed) -> Self {
+        let mut listener = Self { revision: feed.revision.subscribe(), progress: feed.progress.subscribe() };
+        // Whatever came before is read from the database at least once after this.
+        listener.revision.mark_changed();
+        listener
+    }
+
+    /// Waits for news.
+    pub async fn next(&mut self) -> News {
+        tokio::select! {
+            biased;
+            changed = self.revision.changed() => if changed.is_ok() { News::Record } else { News::Closed },
+            changed = self.progress.changed() => match self.progress.borrow_and_update().as_ref() {
+                _ if changed.is_err() => News::Closed,
+                Some(progress) => News::Progress(progress.clone()),
+                None => News::Record,
+            },
+            () = tokio::time::sleep(QUIET) => News::Quiet,
+        }
     }
 }

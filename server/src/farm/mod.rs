@@ -40,6 +40,7 @@ use crate::farm::ledger::{Entry, NewFilm, Rows};
 use crate::farm::live::{Live, LiveFrame};
 use crate::farm::prepare::{Context, Opened};
 use crate::farm::queue::{Queue, Task};
+use crate::films::Films;
 use crate::job::{Effect, Event as JobEvent};
 use crate::model::{Cause, Failure, Job};
 use crate::past::Trouble;
@@ -54,6 +55,7 @@ const PROGRESS: Duration = Duration::from_millis(500);
 pub(crate) struct Shared {
     pub state: State,
     pub blobs: Blobs,
+    pub films: Films,
     pub limits: Limits,
     pub live: Live,
     pub hub: Arc<Hub>,
@@ -283,9 +285,8 @@ fn tell(shared: &Shared, job: Job, ended: &[i32], answer: Option<oneshot::Sender
     for frame in ended {
         shared.live.remove(&job.id, *frame);
     }
-    if let Some(feed) = shared.feeds.get(&job.id) {
-        feed.revision.send_replace(job.revision);
-    }
+    shared.feeds.tell(&job.id, job.revision);
+    shared.hub.end_frames(&job.id, ended);
     if job.state.is_final() {
         shared.feeds.close(&job.id);
         shared.hub.end(&job.id);

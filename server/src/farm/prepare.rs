@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use karst_core::film::{Film, Round, TileGrid, TileResult};
 use karst_core::render::next_round;
-use karst_core::scene::{AssetSource, Assets, Document, Limits, Problems, Scene};
+use karst_core::scene::{AssetSource, Assets, Description, Document, Limits, Problems, Scene};
 use karst_proto::convert::problems_to_violations;
 use karst_proto::errors::Violation;
 use tokio::runtime::Handle;
@@ -50,6 +50,28 @@ pub(crate) struct Opened {
 /// # Errors
 /// [`Error::Scene`] with all problems, [`Error::Gone`] or [`Error::Corrupt`] for its blobs.
 pub(crate) async fn load(blobs: &Blobs, limits: &Limits, spec: JobSpec) -> Result<Context, Error> {
+    let text = read_document(blobs, limits, &spec).await?;
+    let source = BlobSource { blobs: blobs.clone(), files: spec.files.clone(), runtime: Handle::current() };
+    let limits = limits.clone();
+    spawn_blocking(move || load_from(&text, &source, &limits, spec)).await?
+}
+
+/// What one frame of a job will be, without its assets.
+///
+/// # Errors
+/// [`Error::Scene`] with all problems, [`Error::Gone`] or [`Error::Corrupt`] for the document.
+pub(crate) async fn describe(
+    blobs: &Blobs,
+    limits: &Limits,
+    spec: JobSpec,
+    frame: i32,
+) -> Result<Description, Error> {
+    let text = read_document(blobs, limits, &spec).await?;
+    let limits = limits.clone();
+    spawn_blocking(move || description(&parse(&text, &limits)?, &spec, &limits, frame)).await?
+}
+
+async fn read_document(blobs: &Blobs, limits: &Limits, spec: &JobSpec) -> Result<Vec<u8>, Error> {
     let size = blobs.size(Kind::Asset, &spec.scene).await?.ok_or(Error::Gone(spec.scene))?;
     if size > limits.max_document_bytes {
         let most = limits.max_document_bytes;
@@ -58,10 +80,7 @@ pub(crate) async fn load(blobs: &Blobs, limits: &Limits, spec: JobSpec) -> Resul
             format!("the document has {size} bytes, at most {most}"),
         ));
     }
-    let text = blobs.get(Kind::Asset, spec.scene).await?;
-    let source = BlobSource { blobs: blobs.clone(), files: spec.files.clone(), runtime: Handle::current() };
-    let limits = limits.clone();
-    spawn_blocking(move || load_from(&text, &source, &limits, spec)).await?
+    blobs.get(Kind::Asset, spec.scene).await
 }
 
 /// Parses and checks a scene document and loads its assets. Blocks.
@@ -74,9 +93,7 @@ pub(crate) fn load_from(
     limits: &Limits,
     spec: JobSpec,
 ) -> Result<Context, Error> {
-    let text = std::str::from_utf8(text)
-        .map_err(|e| Error::Scene(vec![Violation::new("scene", format!("expected UTF-8 text: {e}"))], 1))?;
-    let document = Document::parse(text, ORIGIN, limits).map_err(|p| scene_error(&p))?;
+    let document = parse(text, limits)?;
     let missing: Vec<Violation> = document
         .assets()
         .iter()
@@ -92,6 +109,12 @@ pub(crate) fn load_from(
     }
     let assets = Assets::load(&document, source, limits).map_err(|p| scene_error(&p))?;
     Ok(Context { spec, document, assets })
+}
+
+fn parse(text: &[u8], limits: &Limits) -> Result<Document, Error> {
+    let text = std::str::from_utf8(text)
+        .map_err(|e| Error::Scene(vec![Violation::new("scene", format!("expected UTF-8 text: {e}"))], 1))?;
+    Document::parse(text, ORIGIN, limits).map_err(|p| scene_error(&p))
 }
 
 /// The frames that a job asks for, all of the document's where it does not say.
@@ -120,10 +143,19 @@ pub(crate) fn frames_of(context: &Context, limits: &Limits) -> Result<Frames, Er
 /// # Errors
 /// [`Error::Scene`] with all problems.
 pub(crate) fn build(context: &Context, limits: &Limits, frame: i32) -> Result<Scene, Error> {
-    let mut description = context.document.at(frame).map_err(|p| scene_error(&p))?;
-    let overrides = context.spec.settings.overrides();
-    description.apply(&overrides, limits).map_err(|p| settings_error(&p))?;
+    let description = description(&context.document, &context.spec, limits, frame)?;
     Scene::build(&description, &context.assets, frame).map_err(|p| scene_error(&p))
+}
+
+fn description(
+    document: &Document,
+    spec: &JobSpec,
+    limits: &Limits,
+    frame: i32,
+) -> Result<Description, Error> {
+    let mut description = document.at(frame).map_err(|p| scene_error(&p))?;
+    description.apply(&spec.settings.overrides(), limits).map_err(|p| settings_error(&p))?;
+    Ok(description)
 }
 
 /// Makes a frame ready: its scene, and the film and results that survived.

@@ -11,14 +11,12 @@ use karst_proto::v1::{
     CollectTilesRequest, CollectedTile, DownloadFrameRequest, DownloadFrameResponse, DownloadStart,
     ListFramesRequest, ListFramesResponse, download_frame_response::Part,
 };
-use tokio::sync::Semaphore;
 use tonic::{Request, Response, Status};
 
 use crate::blobs::Kind;
 use crate::digest::Digest;
 use crate::error::Error;
 use crate::farm::Shared;
-use crate::farm::prepare::read_film;
 use crate::model::{FrameFile, FrameState};
 use crate::service::convert;
 use crate::service::jobs::page_size;
@@ -31,8 +29,6 @@ const FRAMES: (u32, u32) = (200, 100);
 #[derive(Debug)]
 pub struct FramesService {
     pub(crate) shared: Arc<Shared>,
-    /// Stored films that are in memory for readers.
-    pub(crate) films: Arc<Semaphore>,
 }
 
 #[tonic::async_trait]
@@ -57,14 +53,13 @@ impl Frames for FramesService {
             "" => 0,
             token => token.strip_prefix(&prefix).and_then(|t| t.parse().ok()).ok_or(Error::Token)?,
         };
-        let (shared, films) = (Arc::clone(&self.shared), Arc::clone(&self.films));
+        let shared = Arc::clone(&self.shared);
         let ending = self.shared.ending.clone();
         let collect = move |outlet| async move {
             let digest = finished_film(&shared, &job, frame, &outlet).await?;
             let spec = shared.state.job(&job).await?.spec;
-            let _permit = films.acquire().await;
-            let film = read_film(&shared.blobs, digest).await?;
-            collect(film, spec.tile_size, (&prefix, first), &outlet).await
+            let film = shared.films.get(digest).await?;
+            collect(&film, spec.tile_size, (&prefix, first), &outlet).await
         };
         Ok(Response::new(stream(&ending, collect)))
     }
@@ -155,7 +150,7 @@ async fn finished_film<T>(
 
 /// Sends tiles from `first` on.
 async fn collect(
-    film: Film,
+    film: &Film,
     tile_size: u32,
     (prefix, first): (&str, u32),
     outlet: &Outlet<CollectedTile>,

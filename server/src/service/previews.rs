@@ -1,24 +1,20 @@
 //! Owns `karst.v1.Previews`: pixels while they improve.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use karst_core::film::{Film, TileGrid};
 use karst_proto::convert::region_to_wire;
 use karst_proto::v1::previews_server::Previews;
 use karst_proto::v1::{PreviewLayer, PreviewTile, StreamTilesRequest};
 use prost::Message;
-use tokio::sync::Semaphore;
 use tokio::time::Instant;
 use tonic::{Request, Response, Status};
 
 use crate::error::Error;
 use crate::farm::Shared;
-use crate::farm::prepare::read_film;
-use crate::model::{Frame, FrameState, Job};
-use crate::preview::{Layer, Next, Viewer, half_picture};
+use crate::preview::{Layer, half_picture};
 use crate::service::outlet::{Closed, Outflow, Outlet, stream};
+use crate::view::{TileState, View};
 
 /// Frames that one viewer may name.
 const MAX_FRAMES: usize = 1024;
@@ -29,8 +25,6 @@ const MAX_LEVEL: u32 = 8;
 #[derive(Debug)]
 pub struct PreviewsService {
     pub(crate) shared: Arc<Shared>,
-    /// Stored films that are in memory for viewers.
-    pub(crate) films: Arc<Semaphore>,
 }
 
 #[tonic::async_trait]
@@ -42,23 +36,61 @@ impl Previews for PreviewsService {
         request: Request<StreamTilesRequest>,
     ) -> Result<Response<Self::StreamTilesStream>, Status> {
         let request = request.into_inner();
-        let layer = check(&request)?;
+        let look = Look { layer: check(&request)?, level: request.level };
         let shared = Arc::clone(&self.shared);
         let wanted = (!request.frames.is_empty()).then(|| request.frames.iter().copied().collect());
-        shared.state.job(&request.job).await?;
-        // Attached before the look at what exists: what changes meanwhile is marked.
-        let viewer = shared.hub.attach(&request.job, wanted.clone());
-        let job = shared.state.job(&request.job).await?;
-        let frames = wanted_frames(&shared, &job, wanted.as_ref()).await?;
-        if job.state.is_final() {
-            viewer.end();
-        }
-        let stream_view =
-            View { viewer, job, layer, level: request.level, pace: Pace::new(request.max_bytes_per_second) };
-        let films = Arc::clone(&self.films);
+        let view = View::open(&shared, &request.job, wanted).await?;
+        let pace = Pace::new(request.max_bytes_per_second);
         let ending = shared.ending.clone();
-        let send = move |outlet| async move { stream_view.run(&shared, &films, frames, &outlet).await };
+        let send = move |outlet| async move { send(&shared, view, &look, pace, &outlet).await };
         Ok(Response::new(stream(&ending, send)))
+    }
+}
+
+/// Sends tiles until nothing changes any more.
+async fn send(
+    shared: &Shared,
+    mut view: View,
+    look: &Look,
+    mut pace: Pace,
+    outlet: &Outlet<PreviewTile>,
+) -> Result<(), Closed> {
+    let mut revision = 0;
+    loop {
+        pace.wait().await;
+        let next = tokio::select! {
+            next = view.next(shared) => next?,
+            () = outlet.gone() => return Err(Closed::Gone),
+        };
+        let Some(tile) = next else { return Ok(()) };
+        revision += 1;
+        let message = look.message(&tile, revision);
+        pace.sent(message.encoded_len());
+        outlet.send(message).await?;
+    }
+}
+
+/// How tiles are shown.
+struct Look {
+    layer: Layer,
+    level: u32,
+}
+
+impl Look {
+    fn message(&self, tile: &TileState, revision: u64) -> PreviewTile {
+        let half = half_picture(&tile.picture, self.layer, self.level);
+        PreviewTile {
+            revision,
+            frame: tile.frame,
+            tile: tile.tile,
+            round: tile.rounds.saturating_sub(1),
+            spp: tile.spp(),
+            region: Some(region_to_wire(&tile.picture.window)),
+            width: half.width,
+            height: half.height,
+            rgb_f16: half.rgb.into(),
+            r#final: tile.is_final,
+        }
     }
 }
 
@@ -76,20 +108,6 @@ fn check(request: &StreamTilesRequest) -> Result<Layer, Error> {
         Ok(PreviewLayer::Normal) => Ok(Layer::Normal),
         Err(_) => Err(Error::field("layer", format!("found {}, expected a PreviewLayer", request.layer))),
     }
-}
-
-/// The frames that a viewer asked for and that something exists of.
-async fn wanted_frames(
-    shared: &Shared,
-    job: &Job,
-    wanted: Option<&BTreeSet<i32>>,
-) -> Result<Vec<Frame>, Error> {
-    let all = shared.state.frames(&job.id, i32::MIN, u32::MAX).await?;
-    if let Some(unknown) = wanted.and_then(|w| w.iter().find(|n| !all.iter().any(|f| f.frame == **n))) {
-        return Err(Error::FrameNotFound(job.id.clone(), *unknown));
-    }
-    let is_wanted = |f: &Frame| wanted.is_none_or(|w| w.contains(&f.frame));
-    Ok(all.into_iter().filter(is_wanted).collect())
 }
 
 /// Keeps a stream under a number of bytes per second.
@@ -114,119 +132,4 @@ impl Pace {
             self.free_at = Instant::now() + Duration::from_secs_f64(seconds.min(3600.0));
         }
     }
-}
-
-/// A frame that is not in memory any more, taken back from disk for one viewer.
-struct Stored {
-    frame: i32,
-    grid: TileGrid,
-    film: Film,
-    rounds: u32,
-    is_final: bool,
-}
-
-struct View {
-    viewer: Arc<Viewer>,
-    job: Job,
-    layer: Layer,
-    level: u32,
-    pace: Pace,
-}
-
-impl View {
-    async fn run(
-        mut self,
-        shared: &Shared,
-        films: &Semaphore,
-        frames: Vec<Frame>,
-        outlet: &Outlet<PreviewTile>,
-    ) -> Result<(), Closed> {
-        for frame in frames {
-            // A frame on disk is marked by one tile, the rest when it is read: only then their number is known.
-            match shared.live.get(&self.job.id, frame.frame) {
-                Some(live) => self.viewer.mark(frame.frame, 0..live.grid.tile_count()),
-                None if frame.rounds > 0 => self.viewer.mark(frame.frame, [0]),
-                None => {}
-            }
-        }
-        let mut stored: Option<Stored> = None;
-        let mut revision = 0;
-        loop {
-            self.pace.wait().await;
-            let next = tokio::select! {
-                next = self.viewer.next() => next,
-                () = outlet.gone() => return Err(Closed::Gone),
-            };
-            let Next::Tile(frame, tile) = next else { return Ok(()) };
-            let mut message = match self.live_tile(shared, frame, tile) {
-                Looked::Live(message) => message,
-                Looked::Gone => {
-                    if stored.as_ref().is_none_or(|s| s.frame != frame) {
-                        let _permit = films.acquire().await;
-                        stored = self.read(shared, frame).await?;
-                    }
-                    stored.as_ref().map(|s| self.stored_tile(s, tile))
-                }
-            };
-            if let Some(message) = &mut message {
-                revision += 1;
-                message.revision = revision;
-            }
-            if let Some(message) = message {
-                self.pace.sent(message.encoded_len());
-                outlet.send(message).await?;
-            }
-        }
-    }
-
-    /// The newest state of a tile of a frame that is being rendered; nothing when no round of it is there.
-    fn live_tile(&self, shared: &Shared, frame: i32, tile: u32) -> Looked {
-        let Some(live) = shared.live.get(&self.job.id, frame) else { return Looked::Gone };
-        let merged = live.merged();
-        let rounds = merged.rounds[tile as usize];
-        let facts = (frame, tile, rounds, merged.complete);
-        Looked::Live((rounds > 0).then(|| self.message(&merged.film, live.grid, facts)))
-    }
-
-    fn stored_tile(&self, stored: &Stored, tile: u32) -> PreviewTile {
-        self.message(&stored.film, stored.grid, (stored.frame, tile, stored.rounds, stored.is_final))
-    }
-
-    async fn read(&self, shared: &Shared, frame: i32) -> Result<Option<Stored>, Error> {
-        let found = shared.state.frame(&self.job.id, frame).await?;
-        let round = shared.state.round(&self.job.id, frame).await?;
-        let Some(digest) = round.film else { return Ok(None) };
-        let film = read_film(&shared.blobs, digest).await?;
-        let grid = TileGrid::new(film.window(), self.job.spec.tile_size);
-        self.viewer.mark(frame, 1..grid.tile_count());
-        let is_final = matches!(found.state, FrameState::Finishing | FrameState::Finished);
-        Ok(Some(Stored { frame, grid, film, rounds: round.rounds, is_final }))
-    }
-
-    fn message(&self, film: &Film, grid: TileGrid, facts: (i32, u32, u32, bool)) -> PreviewTile {
-        let (frame, tile, rounds, is_final) = facts;
-        let picture = film.region(grid.tile_region(tile));
-        let half = half_picture(&picture, self.layer, self.level);
-        let pixels = picture.samples.len().max(1) as f32;
-        PreviewTile {
-            revision: 0,
-            frame,
-            tile,
-            round: rounds.saturating_sub(1),
-            spp: picture.samples.iter().sum::<f32>() / pixels,
-            region: Some(region_to_wire(&picture.window)),
-            width: half.width,
-            height: half.height,
-            rgb_f16: half.rgb.into(),
-            r#final: is_final,
-        }
-    }
-}
-
-/// What was found of a tile in memory.
-enum Looked {
-    /// The frame is being rendered; the tile may have no round yet.
-    Live(Option<PreviewTile>),
-    /// The frame is not in memory.
-    Gone,
 }

@@ -3,17 +3,14 @@
 use std::time::Duration;
 
 use karst_proto::v1::{self, JobEvent, job_event};
-use tokio::sync::watch::Receiver;
 
 use crate::error::Error;
 use crate::farm::Shared;
-use crate::farm::feed::{Feed, Progress};
+use crate::farm::feed::{Listener, News};
 use crate::model::{Job, Record};
 use crate::service::convert;
 use crate::service::outlet::{Closed, Outlet};
 
-/// Something comes at the latest after this time.
-const BOOKMARK: Duration = Duration::from_secs(15);
 /// Records read at once.
 const PAGE: u32 = 256;
 
@@ -75,42 +72,10 @@ pub(crate) async fn watch(
         match news {
             News::Record => {}
             News::Closed => feed = None,
-            News::Other(other) => outlet.send(event(last, *other)).await?,
-        }
-    }
-}
-
-/// One watcher's ear.
-struct Listener {
-    revision: Receiver<u64>,
-    progress: Receiver<Option<Progress>>,
-}
-
-enum News {
-    Record,
-    Closed,
-    Other(Box<job_event::Event>),
-}
-
-impl Listener {
-    fn new(feed: &Feed) -> Self {
-        let mut listener = Self { revision: feed.revision.subscribe(), progress: feed.progress.subscribe() };
-        // Whatever came before is read from the database at least once after this.
-        listener.revision.mark_changed();
-        listener
-    }
-
-    async fn next(&mut self) -> News {
-        let bookmark = job_event::Event::Bookmark(v1::Bookmark {});
-        tokio::select! {
-            biased;
-            changed = self.revision.changed() => if changed.is_ok() { News::Record } else { News::Closed },
-            changed = self.progress.changed() => match self.progress.borrow_and_update().as_ref() {
-                Some(progress) if changed.is_ok() => News::Other(Box::new(job_event::Event::Progress(convert::progress(progress)))),
-                _ if changed.is_err() => News::Closed,
-                _ => News::Record,
-            },
-            () = tokio::time::sleep(BOOKMARK) => News::Other(Box::new(bookmark)),
+            News::Progress(progress) => {
+                outlet.send(event(last, job_event::Event::Progress(convert::progress(&progress)))).await?;
+            }
+            News::Quiet => outlet.send(event(last, job_event::Event::Bookmark(v1::Bookmark {}))).await?,
         }
     }
 }
