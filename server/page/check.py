@@ -236,7 +236,7 @@ class Check:
             self.verdict(lit, "the picture is on the screen (no --started-at: not timed)")
             return
         took = self.page.evaluate("karst.firstTileAt") - began if seen else float("inf")
-        self.verdict(lit and took <= FIRST_PIXELS_SECONDS, f"first pixels {took:.2f} s after the job began, at most {FIRST_PIXELS_SECONDS} s")
+        self.verdict(lit and took <= self.options.within, f"first pixels {took:.2f} s after the job began, at most {self.options.within} s")
 
     def lit(self, shot, state):
         """Whether any pixel of the picture, as it is on the screen, is brighter than the empty stage."""
@@ -375,6 +375,7 @@ def arguments():
     parser.add_argument("--started-at", type=float, help="Unix time at which the job began; with --submit the server's")
     parser.add_argument("--exr-values", help='exact floats, as JSON or a file of it: {"x": 1, "y": 2, "Color": [r, g, b]}, or a list')
     parser.add_argument("--screenshot", help="PNG of the whole window at the end")
+    parser.add_argument("--within", type=float, default=FIRST_PIXELS_SECONDS, help="most seconds until the first pixels are on the screen")
     parser.add_argument("--timeout", type=float, default=120, help="most seconds until the frame is finished")
     parser.add_argument("--chromium", default="/usr/bin/chromium")
     options = parser.parse_args()
