@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use karst_core::film::{Film, TileGrid};
-use karst_proto::convert::region_to_wire;
+use karst_proto::convert::{region_to_wire, size_to_wire};
 use karst_proto::v1::previews_server::Previews;
 use karst_proto::v1::{PreviewLayer, PreviewTile, StreamTilesRequest};
 use prost::Message;
@@ -219,6 +219,7 @@ impl View {
             height: half.height,
             rgb_f16: half.rgb.into(),
             r#final: is_final,
+            size: Some(size_to_wire(film.size())),
         }
     }
 }
