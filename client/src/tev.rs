@@ -18,6 +18,9 @@ const PACKETS: usize = 2;
 /// How long tev may take to accept the connection.
 const GREETING: Duration = Duration::from_secs(5);
 
+/// How tev goes when somebody closes its window.
+const CLOSED: &str = "closed the connection";
+
 /// Names of the channels of a layer, as tev shows them.
 pub(crate) type Channels = &'static [&'static str];
 
@@ -188,16 +191,15 @@ fn push(mut packets: mpsc::Receiver<Packet>, socket: TcpStream) -> io::Result<()
     Ok(())
 }
 
-const CLOSED: &str = "closed the connection";
-
 /// What a failed write says of tev.
 fn how(error: &io::Error, patience: Duration) -> String {
-    match error.kind() {
-        ErrorKind::WouldBlock | ErrorKind::TimedOut => {
-            format!("has taken nothing for {} s", patience.as_secs_f64())
-        }
-        ErrorKind::BrokenPipe | ErrorKind::ConnectionReset => CLOSED.to_owned(),
-        _ => format!("cannot be written to: {error}"),
+    let is_one_of = |kinds: [ErrorKind; 2]| kinds.contains(&error.kind());
+    if is_one_of([ErrorKind::WouldBlock, ErrorKind::TimedOut]) {
+        format!("has taken nothing for {} s", patience.as_secs_f64())
+    } else if is_one_of([ErrorKind::BrokenPipe, ErrorKind::ConnectionReset]) {
+        CLOSED.to_owned()
+    } else {
+        format!("cannot be written to: {error}")
     }
 }
 
