@@ -202,8 +202,9 @@ fn python() -> Option<PathBuf> {
         return None;
     }
     let run = |command: &mut Command| command.status().is_ok_and(|status| status.success());
-    let made = run(Command::new("python3").args(["-m", "venv"]).arg(&folder))
-        && run(Command::new(&inside).args(["-m", "pip", "install", "--quiet", "tevclient==1.0.4", "numpy"]));
+    let install = ["install", "--quiet", "--disable-pip-version-check", "tevclient==1.0.4", "numpy"];
+    let made = run(Command::new("python3").args(["-m", "venv", "--without-pip"]).arg(&folder))
+        && run(Command::new("python3").args(["-m", "pip", "--python"]).arg(&inside).args(install));
     if !made {
         println!("skipped: the Python package tevclient cannot be installed here");
     }

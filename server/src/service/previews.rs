@@ -219,7 +219,7 @@ impl View {
             height: half.height,
             rgb_f16: half.rgb.into(),
             r#final: is_final,
-            size: Some(size_to_wire(film.size())),
+            size: Some(size_to_wire(picture.size)),
         }
     }
 }
