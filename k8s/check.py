@@ -297,7 +297,7 @@ def schema_findings(docs):
 
 def skip(why):
     """Ends the check where it cannot be made."""
-    print(f"skipped: {why}")
+    print(f"skipped: the manifests: {why}")
     sys.exit(0)
 
 
@@ -329,10 +329,15 @@ def need_packages(folder):
     python = pathlib.Path(folder).resolve() / "venv" / "bin" / "python3"
     if os.environ.get("KARST_CHECK_VENV"):
         sys.exit(f"error: {python} still lacks {' or '.join(PACKAGES)}")
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", python.parent.parent], check=True)
-    if subprocess.run([python, "-c", "import yaml, kubernetes_validate"], capture_output=True, check=False).returncode:
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+    # The pip of this Python fills the other one: a system may have no module for a second pip.
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", *PACKAGES]
+    try:
+        if not python.exists():
+            subprocess.run([sys.executable, "-m", "venv", "--without-pip", python.parent.parent], check=True)
+        if subprocess.run([python, "-c", "import yaml, kubernetes_validate"], capture_output=True, check=False).returncode:
+            subprocess.run(pip, check=True)
+    except subprocess.CalledProcessError as error:
+        skip(f"{' and '.join(PACKAGES)} cannot be installed here: {error}")
     os.environ["KARST_CHECK_VENV"] = "1"
     os.execv(python, [str(python), *sys.argv])
 

@@ -9,9 +9,10 @@ use karst_client::{Client, DEFAULT_SERVER, Error};
 use karst_core::film::Region;
 use karst_core::scene::Overrides;
 use karst_proto::connect::bearer;
+use karst_proto::v1::PreviewLayer;
 
 pub(crate) use values::FrameList;
-use values::{crop, frames, positive, size, tile_size};
+use values::{address, crop, frames, positive, size, tile_size};
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -44,6 +45,8 @@ pub(crate) enum Command {
     Submit(SubmitArgs),
     /// Watch a job until it is finished.
     Watch(WatchArgs),
+    /// Show a frame in the tev image viewer while it improves.
+    View(ViewArgs),
     /// Download the finished frames of a job.
     Fetch(FetchArgs),
     /// List jobs, the newest first.
@@ -254,6 +257,75 @@ pub(crate) struct WatchArgs {
     pub(crate) resume: Option<String>,
     #[command(flatten)]
     pub(crate) server: ServerArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The picture is called `NAME frame F` in tev and has the size of the full frame, black where nothing is rendered.
+Its channels have the names that they have in the EXR; when the frame is finished, they have its exact values, and
+the command ends. It also ends when tev does.")]
+pub(crate) struct ViewArgs {
+    /// The job's id.
+    pub(crate) job: String,
+    /// Where tev listens: 127.0.0.1:14158 unless it was started with --hostname.
+    #[arg(long, value_name = "HOST:PORT", value_parser = address)]
+    pub(crate) tev: String,
+    /// Frame of the job; unless given the one that is being rendered, else the next one, else the first one.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    pub(crate) frame: Option<i32>,
+    /// Go on with the frames after it, each as a picture of its own.
+    #[arg(long)]
+    pub(crate) follow: bool,
+    /// Layer to show; may be given more than once. Color, albedo and normal improve tile by tile, the others come
+    /// with the finished frame.
+    #[arg(long, value_name = "NAME", value_enum, ignore_case = true, default_value = "color")]
+    pub(crate) layer: Vec<LayerArg>,
+    #[command(flatten)]
+    pub(crate) server: ServerArgs,
+}
+
+/// `karst view --layer`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub(crate) enum LayerArg {
+    /// The noisy picture.
+    Color,
+    /// The colour of the first surface.
+    Albedo,
+    /// The normal of the first surface.
+    Normal,
+    /// The distance to the first surface.
+    Depth,
+    /// Samples per pixel.
+    Samples,
+    /// The estimated error.
+    Error,
+    /// The denoised picture, of a job that denoises.
+    Denoised,
+}
+
+impl LayerArg {
+    /// Its channels in the EXR of a frame.
+    pub(crate) fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Color => &["R", "G", "B"],
+            Self::Albedo => &["Albedo.R", "Albedo.G", "Albedo.B"],
+            Self::Normal => &["Normal.X", "Normal.Y", "Normal.Z"],
+            Self::Depth => &["Depth.Z"],
+            Self::Samples => &["Samples.X"],
+            Self::Error => &["Error.X"],
+            Self::Denoised => &["Denoised.R", "Denoised.G", "Denoised.B"],
+        }
+    }
+
+    /// The same as a preview, if there is one.
+    pub(crate) fn preview(self) -> Option<PreviewLayer> {
+        match self {
+            Self::Color => Some(PreviewLayer::Color),
+            Self::Albedo => Some(PreviewLayer::Albedo),
+            Self::Normal => Some(PreviewLayer::Normal),
+            Self::Depth | Self::Samples | Self::Error | Self::Denoised => None,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -32,6 +32,14 @@ pub enum Error {
         /// Why.
         cause: String,
     },
+    /// No tev answers at this address.
+    #[error("cannot reach tev at {address}: {cause}")]
+    Viewer {
+        /// The address.
+        address: String,
+        /// Why.
+        cause: String,
+    },
     /// The server refused a call, or it broke off for good.
     #[error("{call}: {}", describe_status(status))]
     Call {
@@ -60,9 +68,12 @@ impl Error {
     pub fn reason(&self) -> Option<ErrorReason> {
         match self {
             Self::Call { status, .. } => reason(status),
-            Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Connect { .. } | Self::Failed(_) => {
-                None
-            }
+            Self::Usage(_)
+            | Self::Scene(_)
+            | Self::File { .. }
+            | Self::Connect { .. }
+            | Self::Viewer { .. }
+            | Self::Failed(_) => None,
         }
     }
 
@@ -72,6 +83,9 @@ impl Error {
             Self::Connect { .. } => {
                 Some("start a server with `karst-server serve`, or name one with --server or KARST_SERVER")
             }
+            Self::Viewer { .. } => Some(
+                "start tev first; `tev --hostname=HOST:PORT` lets it listen at another address than its own",
+            ),
             Self::Call { status, .. } => call_hint(status),
             Self::Usage(_) | Self::Scene(_) | Self::File { .. } | Self::Failed(_) => None,
         }
@@ -82,7 +96,11 @@ impl Error {
         match self {
             Self::Usage(_) | Self::Scene(_) => 2,
             Self::Call { status, .. } if status.code() == Code::InvalidArgument => 2,
-            Self::File { .. } | Self::Connect { .. } | Self::Call { .. } | Self::Failed(_) => 1,
+            Self::File { .. }
+            | Self::Connect { .. }
+            | Self::Viewer { .. }
+            | Self::Call { .. }
+            | Self::Failed(_) => 1,
         }
     }
 }

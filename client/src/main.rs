@@ -8,6 +8,7 @@ mod naming;
 mod progress;
 mod report;
 mod talk;
+mod tev;
 mod wire_json;
 
 use std::process::ExitCode;

@@ -1,6 +1,6 @@
 //! The only file that names both wire and core types: translation, and validation of untrusted fields.
 
-use karst_core::film::{Counters, FrameSummary, Region};
+use karst_core::film::{Counters, FrameSize, FrameSummary, Region};
 use karst_core::scene::{Overrides, Problems};
 use tonic::Status;
 
@@ -171,6 +171,11 @@ pub fn settings_to_wire(overrides: &Overrides) -> v1::RenderSettings {
     }
 }
 
+/// The size of a full frame for the wire.
+pub fn size_to_wire(size: FrameSize) -> v1::Size {
+    v1::Size { width: size.width, height: size.height }
+}
+
 /// A region for the wire.
 pub fn region_to_wire(region: &Region) -> v1::Region {
     v1::Region { x0: region.x0, y0: region.y0, x1: region.x1, y1: region.y1 }
@@ -206,6 +211,11 @@ pub fn rgb_f32(pixels: impl IntoIterator<Item = [f32; 3]>) -> Vec<u8> {
 pub fn rgb_f16(pixels: impl IntoIterator<Item = [f32; 3]>) -> Vec<u8> {
     let half = |value: f32| half::f16::from_f32(value.clamp(-65504.0, 65504.0)).to_le_bytes();
     pixels.into_iter().flatten().flat_map(half).collect()
+}
+
+/// The values of a preview tile's `rgb_f16`, R G B of each element; half a value at the end is left out.
+pub fn from_f16(bytes: &[u8]) -> impl Iterator<Item = f32> {
+    bytes.chunks_exact(2).map(|pair| half::f16::from_le_bytes([pair[0], pair[1]]).to_f32())
 }
 
 /// Problems of a scene document as violations: the place as the field, and the count of all of them.

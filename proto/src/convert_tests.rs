@@ -3,7 +3,9 @@
 use karst_core::film::Region;
 use karst_core::scene::{Overrides, Problem, Problems};
 
-use super::{job_from_wire, problems_to_status, rgb_f16, rgb_f32, settings_from_wire, settings_to_wire};
+use super::{
+    from_f16, job_from_wire, problems_to_status, rgb_f16, rgb_f32, settings_from_wire, settings_to_wire,
+};
 use crate::errors::violations;
 use crate::v1;
 
@@ -133,4 +135,6 @@ fn pixels_are_little_endian() {
     assert_eq!(rgb_f32([[1.0, 0.0, -2.0]]), [0, 0, 128, 63, 0, 0, 0, 0, 0, 0, 0, 192]);
     assert_eq!(rgb_f16([[1.0, 1e30, -1e30]]), [0, 60, 255, 123, 255, 251]);
     assert_eq!(rgb_f16([[f32::NAN, 0.0, 0.0]]).len(), 6);
+    assert_eq!(from_f16(&rgb_f16([[0.5, -3.0, 1e30]])).collect::<Vec<_>>(), [0.5, -3.0, 65504.0]);
+    assert_eq!(from_f16(&[0, 60, 1]).collect::<Vec<_>>(), [1.0]);
 }

@@ -96,6 +96,7 @@ async fn a_late_viewer_gets_what_is_stored_in_its_layer_and_level() {
     let mut seen = Vec::new();
     while let Some(tile) = tiles.message().await.unwrap() {
         assert!(tile.r#final && tile.width <= 4 && tile.height <= 4, "{tile:?}");
+        assert_eq!(tile.size, Some(v1::Size { width: 100, height: 60 }));
         seen.push((tile.frame, tile.tile));
     }
     assert_eq!(seen, [(1, 0), (1, 1), (3, 0), (3, 1)]);

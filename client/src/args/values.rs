@@ -73,6 +73,14 @@ pub(super) fn tile_size(text: &str) -> Result<u32, String> {
         .ok_or_else(|| "expected a multiple of 16 from 16 to 256".to_owned())
 }
 
+/// A host and a port.
+pub(super) fn address(text: &str) -> Result<String, String> {
+    text.rsplit_once(':')
+        .filter(|(host, port)| !host.is_empty() && port.parse().is_ok_and(|port: u16| port > 0))
+        .map(|_| text.to_owned())
+        .ok_or_else(|| "expected HOST:PORT, such as 127.0.0.1:14158".to_owned())
+}
+
 /// A finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     text.parse()
@@ -83,7 +91,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{FrameList, crop, frames, size};
+    use super::{FrameList, address, crop, frames, size};
     use karst_core::film::Region;
 
     #[test]
@@ -104,6 +112,16 @@ mod tests {
         assert_eq!(list.iter().collect::<Vec<_>>(), [-5, -1, 3]);
         assert!(list.contains(-1) && !list.contains(0) && !list.contains(7));
         assert!(frames("-2147483648-2147483647").unwrap().contains(0));
+    }
+
+    #[test]
+    fn addresses() {
+        for right in ["127.0.0.1:14158", "[::1]:1", "desk.example:65535"] {
+            assert_eq!(address(right).as_deref(), Ok(right));
+        }
+        for wrong in ["", "host", ":1", "host:", "host:0", "host:65536", "14158"] {
+            assert!(address(wrong).is_err(), "{wrong:?}");
+        }
     }
 
     #[test]

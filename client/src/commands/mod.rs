@@ -9,6 +9,7 @@ mod jobs;
 mod pictures;
 mod render;
 mod submit;
+mod view;
 mod watch;
 
 use std::future::Future;
@@ -26,6 +27,7 @@ pub(crate) fn run(command: Command, talk: Talk) -> Result<(), Error> {
         Command::Compare(args) => compare::run(&args, talk),
         Command::Submit(args) => block_on(submit::run(args, talk)),
         Command::Watch(args) => block_on(watch::run(args, talk)),
+        Command::View(args) => block_on(view::run(args, talk)),
         Command::Fetch(args) => block_on(fetch::run(args, talk)),
         Command::Jobs(args) => block_on(jobs::run(args, talk)),
         Command::Cancel(args) => block_on(cancel::run(args, talk)),

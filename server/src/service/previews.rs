@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use karst_proto::convert::region_to_wire;
+use karst_proto::convert::{region_to_wire, size_to_wire};
 use karst_proto::v1::previews_server::Previews;
 use karst_proto::v1::{PreviewLayer, PreviewTile, StreamTilesRequest};
 use prost::Message;
@@ -90,6 +90,7 @@ impl Look {
             height: half.height,
             rgb_f16: half.rgb.into(),
             r#final: tile.is_final,
+            size: Some(size_to_wire(tile.picture.size)),
         }
     }
 }
