@@ -1,5 +1,6 @@
 //! The command line: sub-commands, flags, and the little languages of their values.
 
+mod slurm;
 mod values;
 
 use std::path::PathBuf;
@@ -10,6 +11,9 @@ use karst_core::film::Region;
 use karst_core::scene::Overrides;
 use karst_proto::connect::bearer;
 
+pub(crate) use slurm::{
+    DownArgs, FramesArgs, MissingArgs, PreflightArgs, ShotArgs, SlurmCommand, StatusArgs, TaskArgs, UpArgs,
+};
 pub(crate) use values::FrameList;
 use values::{crop, frames, positive, size, tile_size};
 
@@ -50,6 +54,9 @@ pub(crate) enum Command {
     Jobs(JobsArgs),
     /// Stop a job; what is finished stays.
     Cancel(CancelArgs),
+    /// Render on a Slurm cluster: arrays of frames, or workers of a server.
+    #[command(subcommand)]
+    Slurm(SlurmCommand),
 }
 
 /// Which server.

@@ -8,6 +8,7 @@ mod follow;
 mod jobs;
 mod pictures;
 mod render;
+mod slurm;
 mod submit;
 mod watch;
 
@@ -29,6 +30,7 @@ pub(crate) fn run(command: Command, talk: Talk) -> Result<(), Error> {
         Command::Fetch(args) => block_on(fetch::run(args, talk)),
         Command::Jobs(args) => block_on(jobs::run(args, talk)),
         Command::Cancel(args) => block_on(cancel::run(args, talk)),
+        Command::Slurm(command) => slurm::run(command, talk),
     }
 }
 
