@@ -31,8 +31,9 @@ is_installed() {
 
 install_slurm() {
   ! is_installed || return 0
-  [ "${KARST_TEST_INSTALL:-}" = 1 ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null ||
+  if [ "${KARST_TEST_INSTALL:-}" != 1 ] || [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then
     fail "Slurm is not installed: apt-get install -y --no-install-recommends slurm-wlm munge" 69
+  fi
   printf '== install: Slurm\n' >&2
   apt-get -o DPkg::Lock::Timeout=300 update -qq
   DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends \
@@ -137,28 +138,65 @@ up() {
   fail "not every node came up; the logs are in $folder/log"
 }
 
-# children PID: the processes that a process has started.
-children() { cat "/proc/$1/task/$1/children" 2>/dev/null || :; }
+# is_gone PID: it has ended, whether or not somebody has looked after it.
+is_gone() { [ ! -d "/proc/$1" ] || grep -q '^State:.*Z' "/proc/$1/status" 2>/dev/null; }
+
+# of_cluster FOLDER PID VARIABLE: whether a process was started in this cluster, with this variable set.
+of_cluster() {
+  # The shell itself complains of a process that has ended meanwhile.
+  { tr '\0' '\n' <"/proc/$2/environ"; } 2>/dev/null |
+    awk -v conf="SLURM_CONF=$1/slurm.conf" -v name="$3=" '$0 == conf { a = 1 } index($0, name) == 1 { b = 1 } END { exit !(a && b) }'
+}
 
 lose() {
-  local folder="$1" node="$2" daemon
-  daemon="$(cat "$folder/run/slurmd-$node.pid")"
-  # A step's daemon detaches itself from slurmd: it is known by its name, and by the node in its arguments or spool.
-  local step
-  for step in $(steps "$folder" "$node"); do kill -9 "$step"; done
-  kill -9 "$daemon"
+  local folder="$1" node="$2" job entry
+  export SLURM_CONF="$folder/slurm.conf"
+  # The daemon of a step calls itself `slurmstepd: [JOB.batch]`.
+  for job in $(squeue -h -w "$node" -t RUNNING -o %A); do
+    for entry in /proc/[0-9]*; do
+      [[ "$({ tr '\0' ' ' <"$entry/cmdline"; } 2>/dev/null)" != "slurmstepd: [$job."* ]] ||
+        ! of_cluster "$folder" "${entry#/proc/}" SLURM_CONF || kill -9 "${entry#/proc/}"
+    done
+  done
+  kill -9 "$(cat "$folder/run/slurmd-$node.pid")"
 }
 
-# steps FOLDER NODE: ids of the slurmstepd processes of a node.
-steps() {
-  local folder="$1" node="$2" entry job
+down() {
+  local folder="$1" file pid entry
+  export SLURM_CONF="$folder/slurm.conf"
+  # Those whose time is over do not stop the others from being ended.
+  timeout 10 scancel --user="$(id -un)" 2>/dev/null || :
+  for _ in $(seq 50); do
+    [ -n "$(timeout 5 squeue -h -t RUNNING,COMPLETING 2>/dev/null)" ] || break
+    sleep 0.2
+  done
+  for file in "$folder"/run/slurmd-*.pid "$folder/run/slurmctld.pid" "$folder/run/munged.pid"; do
+    [ -f "$file" ] || continue
+    pid="$(cat "$file")"
+    ! is_gone "$pid" || continue
+    kill "$pid"
+    for _ in $(seq 50); do ! is_gone "$pid" || break; sleep 0.1; done
+    is_gone "$pid" || kill -9 "$pid"
+  done
+  # What a lost node left running.
   for entry in /proc/[0-9]*; do
-    [ "$(cat "$entry/comm" 2>/dev/null)" = slurmstepd ] || continue
-    tr '\0' '\n' <"$entry/environ" 2>/dev/null | grep -qxF "SLURM_CONF=$folder/slurm.conf" || continue
-    printf '%s\n' "${entry#/proc/}"
+    ! of_cluster "$folder" "${entry#/proc/}" SLURM_JOB_ID || kill -9 "${entry#/proc/}" 2>/dev/null || :
   done
 }
-case "${1:-}" in
-  up) up "$2" 3 2 ;;
-  *) usage ;;
+
+nodes=3 cpus=2 rest=()
+while [ $# -gt 0 ]; do
+  case "$1" in
+    --nodes) nodes="${2:?--nodes N}" && shift 2 ;;
+    --cpus) cpus="${2:?--cpus N}" && shift 2 ;;
+    -h | --help) usage && exit 0 ;;
+    *) rest+=("$1") && shift ;;
+  esac
+done
+case "${rest[*]:0:1} ${#rest[@]}" in
+  "up 2") mkdir -p "${rest[1]}" && up "$(realpath "${rest[1]}")" "$nodes" "$cpus" ;;
+  "node 3") start_node "$(realpath "${rest[1]}")" "${rest[2]}" ;;
+  "lose 3") lose "$(realpath "${rest[1]}")" "${rest[2]}" ;;
+  "down 2") down "$(realpath "${rest[1]}")" ;;
+  *) usage >&2 && fail "${rest[*]:-nothing}: not understood" 64 ;;
 esac

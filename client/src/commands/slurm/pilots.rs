@@ -71,7 +71,8 @@ fn absolute(path: &Path) -> Result<OsString, Error> {
 
 pub(super) fn status(args: &StatusArgs, talk: Talk) -> Result<(), Error> {
     let server = args.server.trim_end_matches('/');
-    let tasks = tasks(NAME, &comment(server))?;
+    let mut tasks = tasks(NAME, &comment(server))?;
+    tasks.retain(|tasks| tasks.are_alive() || tasks.are_failed());
     let (workers, waiting) = running_and_waiting(&tasks);
     let mut text: Vec<String> = tasks.iter().map(line).collect();
     text.push(format!("{workers} workers run for {server}, {waiting} wait"));
@@ -97,12 +98,12 @@ pub(super) fn down(args: &DownArgs, talk: Talk) -> Result<(), Error> {
     let server = args.server.trim_end_matches('/');
     let tasks = tasks(NAME, &comment(server))?;
     let (workers, waiting) = running_and_waiting(&tasks);
-    let jobs: BTreeSet<u64> = tasks.iter().map(|tasks| tasks.job).collect();
+    let jobs: BTreeSet<u64> = tasks.iter().filter(|tasks| tasks.are_alive()).map(|tasks| tasks.job).collect();
     if !jobs.is_empty() {
         let jobs: Vec<String> = jobs.iter().map(u64::to_string).collect();
         // Those that wait first, so that none begins in the place of one that ends.
-        cancel(&["--state=PENDING"], &jobs)?;
-        cancel(&["--batch", "--signal=TERM"], &jobs)?;
+        cancel(&["--quiet", "--state=PENDING"], &jobs)?;
+        cancel(&["--quiet", "--batch", "--signal=TERM"], &jobs)?;
     }
     let text = format!("{workers} workers hand back what they hold and end, {waiting} are cancelled");
     talk.result(

@@ -53,8 +53,8 @@ pub(super) fn check(args: &PreflightArgs, shot: &Shot, chosen: FrameList, talk: 
         ));
         let bound = if estimate.is_bound { "at most " } else { "about " };
         let text = format!(
-            "estimate: {bound}{} a frame with {} threads of this machine; {frames} frames: {bound}{}, divided by as \
-             many as run at once",
+            "estimate of the rendering alone: {bound}{} a frame with {} threads of this machine; {frames} frames: \
+             {bound}{}, divided by as many as run at once",
             duration(seconds),
             report.threads,
             duration(seconds * frames as f64)
@@ -114,10 +114,9 @@ impl Estimate {
             Goal::Error { max_spp, .. } => (max_spp, true),
         };
         let render = trial.render_seconds * larger * f64::from(spp);
-        let stage = |name: &str| trial.stages.get(name).copied().unwrap_or(0.0);
         // A time limit ends a frame between rounds: the one that runs is finished.
         let render = sampling.time_limit.map_or(render, |limit| render.min(2.0 * limit));
-        let seconds = stage("build") + render + larger * (stage("denoise") + stage("write"));
+        let seconds = trial.stages.get("build").copied().unwrap_or(0.0) + render;
         Self { seconds, is_bound }
     }
 }

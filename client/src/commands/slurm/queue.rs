@@ -10,6 +10,20 @@ use serde_json::Value;
 use super::ranges::count;
 use super::tools::call;
 
+/// States of jobs that are over; squeue goes on to list them for some minutes.
+const OVER: [&str; 10] = [
+    "BOOT_FAIL",
+    "CANCELLED",
+    "COMPLETED",
+    "DEADLINE",
+    "FAILED",
+    "NODE_FAIL",
+    "OUT_OF_MEMORY",
+    "PREEMPTED",
+    "REVOKED",
+    "TIMEOUT",
+];
+
 /// Tasks of one array in one state: one that has begun, or all that wait.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Tasks {
@@ -26,7 +40,20 @@ pub(super) struct Tasks {
     pub(super) restarts: u64,
 }
 
-/// The tasks of this account with this job name and comment, in the order of arrays and indexes.
+impl Tasks {
+    /// Whether they wait, run, or are on their way from one to the other.
+    pub(super) fn are_alive(&self) -> bool {
+        !OVER.contains(&self.state.as_str())
+    }
+
+    /// Whether they ended in another way than they should.
+    pub(super) fn are_failed(&self) -> bool {
+        !self.are_alive() && !["COMPLETED", "CANCELLED"].contains(&self.state.as_str())
+    }
+}
+
+/// The tasks of this account with this job name and comment, in the order of arrays and indexes;
+/// those that were over some minutes ago are among them.
 ///
 /// # Errors
 /// squeue cannot be run, or says something else than JSON.
@@ -125,6 +152,19 @@ mod tests {
         assert_eq!(indexes, ["0", "1", "2", "3-9%3"]);
         assert_eq!((tasks[1].node.as_str(), tasks[1].restarts, tasks[1].job), ("n1", 1, 40));
         assert!(of_json(&json!({}), 1000, "karst-workers", "x").is_empty());
+    }
+
+    #[test]
+    fn what_is_over_is_told_from_what_is_not() {
+        let mut all = old();
+        for (index, state) in ["FAILED", "COMPLETED", "COMPLETING"].into_iter().enumerate() {
+            all["jobs"][index + 1]["job_state"] = state.into();
+        }
+        let tasks = of_json(&all, 1000, "karst-workers", "karst server=http://a:1");
+        let alive: Vec<bool> = tasks.iter().map(super::Tasks::are_alive).collect();
+        let failed: Vec<bool> = tasks.iter().map(super::Tasks::are_failed).collect();
+        assert_eq!((alive, failed), (vec![false, true, false, true], vec![false, false, true, false]));
+        assert_eq!(running_and_waiting(&tasks), (0, 7));
     }
 
     #[test]
