@@ -1,5 +1,6 @@
 //! The command line: sub-commands, flags, and the little languages of their values.
 
+mod slurm;
 mod values;
 
 use std::path::PathBuf;
@@ -8,9 +9,12 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use karst_client::{Client, DEFAULT_SERVER, Error};
 use karst_core::film::Region;
 use karst_core::scene::Overrides;
-use karst_proto::connect::bearer;
+use karst_proto::connect::{Bearer, bearer};
 use karst_proto::v1::PreviewLayer;
 
+pub(crate) use slurm::{
+    DownArgs, FramesArgs, MissingArgs, PreflightArgs, ShotArgs, SlurmCommand, StatusArgs, TaskArgs, UpArgs,
+};
 pub(crate) use values::FrameList;
 use values::{address, crop, frames, positive, size, tile_size};
 
@@ -47,12 +51,17 @@ pub(crate) enum Command {
     Watch(WatchArgs),
     /// Show a frame in the tev image viewer while it improves.
     View(ViewArgs),
+    /// Print the address of the server's live page, with the token that opens it.
+    Page(ServerArgs),
     /// Download the finished frames of a job.
     Fetch(FetchArgs),
     /// List jobs, the newest first.
     Jobs(JobsArgs),
     /// Stop a job; what is finished stays.
     Cancel(CancelArgs),
+    /// Render on a Slurm cluster: arrays of frames, or workers of a server.
+    #[command(subcommand)]
+    Slurm(SlurmCommand),
 }
 
 /// Which server.
@@ -76,11 +85,18 @@ impl ServerArgs {
     /// # Errors
     /// The token file cannot be read, or nobody answers.
     pub(crate) async fn connect(&self) -> Result<Client, Error> {
+        Client::connect(&self.server, self.ca_file.as_deref(), self.bearer()?).await
+    }
+
+    /// The token that belongs to it.
+    ///
+    /// # Errors
+    /// The token file cannot be read.
+    pub(crate) fn bearer(&self) -> Result<Bearer, Error> {
         let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/state"));
         let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).or_else(home);
         let bearer = bearer(&self.server, self.token_file.as_deref(), state.as_deref());
-        let bearer = bearer.map_err(|e| Error::Usage(e.to_string()))?;
-        Client::connect(&self.server, self.ca_file.as_deref(), bearer).await
+        bearer.map_err(|e| Error::Usage(e.to_string()))
     }
 }
 

@@ -59,6 +59,12 @@ impl Bearer {
         Ok(Self(Some(value)))
     }
 
+    /// The token; empty when there is none.
+    pub fn token(&self) -> &str {
+        let header = self.0.as_ref().and_then(|value| value.to_str().ok());
+        header.and_then(|text| text.strip_prefix("Bearer ")).unwrap_or_default()
+    }
+
     /// The bearer of the token in a file.
     ///
     /// # Errors

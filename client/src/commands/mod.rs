@@ -6,8 +6,10 @@ mod compare;
 mod fetch;
 mod follow;
 mod jobs;
+mod page;
 mod pictures;
 mod render;
+mod slurm;
 mod submit;
 mod view;
 mod watch;
@@ -28,9 +30,11 @@ pub(crate) fn run(command: Command, talk: Talk) -> Result<(), Error> {
         Command::Submit(args) => block_on(submit::run(args, talk)),
         Command::Watch(args) => block_on(watch::run(args, talk)),
         Command::View(args) => block_on(view::run(args, talk)),
+        Command::Page(args) => block_on(page::run(args, talk)),
         Command::Fetch(args) => block_on(fetch::run(args, talk)),
         Command::Jobs(args) => block_on(jobs::run(args, talk)),
         Command::Cancel(args) => block_on(cancel::run(args, talk)),
+        Command::Slurm(command) => slurm::run(command, talk),
     }
 }
 

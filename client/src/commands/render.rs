@@ -21,7 +21,15 @@ use crate::talk::Talk;
 /// Edge of a tile in pixels unless given; a tile is one piece of work for a thread.
 const DEFAULT_TILE_SIZE: u32 = 32;
 
+/// Hears of a frame whose files are written.
+type Tell<'a> = &'a (dyn Fn(&Report, &[PathBuf]) + Sync);
+
 pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Error> {
+    render_each(args, &|report, files| tell(talk, report, files)).map(drop)
+}
+
+/// Renders and writes what the arguments ask for; `tell` hears of each frame.
+pub(super) fn render_each(args: &RenderArgs, tell: Tell<'_>) -> Result<Vec<Report>, Error> {
     check_outputs(&args.output)?;
     let limits = Limits::default();
     let text = read_document(&args.scene, &limits)?;
@@ -31,12 +39,12 @@ pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Error> {
     let root = scene_folder(&args.scene);
     let folder = Folder::new(root).map_err(|source| Error::file(root, source))?;
     let assets = Assets::load(&document, &folder, &limits).map_err(|problems| scene_error(&problems))?;
-    let job = Job { args, talk, document, assets, limits, pool: pool(args.threads)?, bar: Bar::new() };
+    let job = Job { args, tell, document, assets, limits, pool: pool(args.threads)?, bar: Bar::new() };
     let reports = job.render_all(frames)?;
     if let Some(path) = &args.report {
         write_report(path, &reports)?;
     }
-    Ok(())
+    Ok(reports)
 }
 
 fn check_outputs(outputs: &[PathBuf]) -> Result<(), Error> {
@@ -84,7 +92,7 @@ fn write_report(path: &Path, reports: &[Report]) -> Result<(), Error> {
 /// Everything that the frames share.
 struct Job<'a> {
     args: &'a RenderArgs,
-    talk: Talk,
+    tell: Tell<'a>,
     document: Document,
     assets: Assets,
     limits: Limits,
@@ -123,7 +131,7 @@ impl Job<'_> {
             ("write", report.wall_seconds - denoised),
         ]
         .into();
-        self.tell(&report, &files);
+        (self.tell)(&report, &files);
         Ok(report)
     }
 
@@ -144,27 +152,28 @@ impl Job<'_> {
         self.bar.clear();
         film.expect("a render ends early only when it is told to stop, and nobody does")
     }
+}
 
-    fn tell(&self, report: &Report, files: &[PathBuf]) {
-        let error = report.rel_mse.map_or_else(|| "unknown".to_owned(), |error| percent(error.sqrt()));
-        self.talk.say(&format_args!(
-            "frame {}: {:.1} samples per pixel, error {error}, {:.2} s, {:.2} million samples/s",
-            report.frame, report.spp_mean, report.render_seconds, report.msamples_per_second
-        ));
-        for (count, what) in [
-            (report.nonfinite_samples, "samples were not finite and were dropped"),
-            (report.exhausted_rays, "rays ran out of marching steps"),
-        ] {
-            if count > 0 {
-                self.talk.say(&format_args!("warning: {count} {what}"));
-            }
+/// Says how a frame went and which files it became.
+pub(super) fn tell(talk: Talk, report: &Report, files: &[PathBuf]) {
+    let error = report.rel_mse.map_or_else(|| "unknown".to_owned(), |error| percent(error.sqrt()));
+    talk.say(&format_args!(
+        "frame {}: {:.1} samples per pixel, error {error}, {:.2} s, {:.2} million samples/s",
+        report.frame, report.spp_mean, report.render_seconds, report.msamples_per_second
+    ));
+    for (count, what) in [
+        (report.nonfinite_samples, "samples were not finite and were dropped"),
+        (report.exhausted_rays, "rays ran out of marching steps"),
+    ] {
+        if count > 0 {
+            talk.say(&format_args!("warning: {count} {what}"));
         }
-        let mut line: Value = json!(report);
-        line["event"] = "frame".into();
-        line["files"] = json!(files);
-        let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
-        self.talk.result(&names.join("\n"), &line);
     }
+    let mut line: Value = json!(report);
+    line["event"] = "frame".into();
+    line["files"] = json!(files);
+    let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+    talk.result(&names.join("\n"), &line);
 }
 
 /// Shows how a frame is going, and ends it when its time is over.
