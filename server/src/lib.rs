@@ -15,6 +15,7 @@
 //! | [`blobs`] [`uploads`] [`digest`] | bytes by their SHA-256 |
 //! | [`farm`] | the event loop, the workers, the ledger that makes things durable |
 //! | [`preview`] | who watches pixels |
+//! | [`telemetry`] [`metrics`] | what karst tells about itself: log lines, spans, counts |
 //! | [`work`] | the other side: a process that renders tasks of a server |
 //!
 //! How a result comes to count: a worker renders a tile → the ledger stores its bytes (synced) → one transaction →
@@ -31,12 +32,14 @@ pub mod error;
 pub mod farm;
 mod health;
 pub mod job;
+pub mod metrics;
 pub mod model;
 pub mod past;
 pub mod preview;
 pub mod service;
 pub mod spec;
 pub mod state;
+pub mod telemetry;
 pub mod uploads;
 pub mod work;
 
@@ -61,7 +64,8 @@ use tokio::sync::{Semaphore, mpsc};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::{Router, TcpIncoming};
-use tonic::transport::{Identity, Server, ServerTlsConfig};
+use tonic::transport::{Identity as ServerIdentity, Server, ServerTlsConfig};
+use tower::layer::util::{Identity, Stack};
 
 use crate::blobs::{Blobs, Kind};
 use crate::config::Config;
@@ -78,6 +82,8 @@ use crate::service::jobs::JobsService;
 use crate::service::previews::PreviewsService;
 use crate::service::workers::WorkersService;
 use crate::state::State;
+use crate::telemetry::Telemetry;
+use crate::telemetry::calls::CallsLayer;
 use crate::uploads::Uploads;
 
 /// Open calls of one connection.
@@ -126,11 +132,12 @@ pub async fn serve(
     };
     machinery.stop().await?;
     shared.state.close().await;
+    shared.telemetry.traces.clone().end().await;
     served.map_err(|e| Error::Internal(format!("the listener failed: {e}")))
 }
 
-/// All calls pass the guard.
-type Guarded = tower::layer::util::Stack<GuardLayer, tower::layer::util::Identity>;
+/// All calls are counted and pass the guard.
+type Guarded = Stack<GuardLayer, Stack<CallsLayer, Identity>>;
 
 /// Shows programs of this account where the local token is, as long as the server runs.
 struct Signpost {
@@ -180,9 +187,11 @@ async fn open(config: &Config, queue: &Arc<Queue>) -> Result<Arc<Shared>, Error>
     if swept > 0 {
         tracing::info!("deleted {swept} blobs that nothing refers to");
     }
-    let start = state.count_start().await?;
-    let fleet = Fleet::new(Arc::clone(queue), config.workers, config.lease, start, state.leases().await?);
+    let telemetry = Arc::new(Telemetry::start(&config.collector)?);
+    let earlier = (state.count_start().await?, state.leases().await?);
+    let fleet = Fleet::new(Arc::clone(queue), config.workers, config.lease, earlier, Arc::clone(&telemetry));
     Ok(Arc::new(Shared {
+        telemetry,
         fleet,
         state,
         blobs,
@@ -213,12 +222,18 @@ async fn start(
         tracing::info!(job = %job.run.job.id, "goes on");
         let _ = events.send(Event::Submitted(Box::new(job), None));
     }
-    let outlets = Outlets { queue: Arc::clone(queue), ledger: entries.downgrade(), farm: events.clone() };
+    let outlets = Outlets {
+        queue: Arc::clone(queue),
+        ledger: entries.downgrade(),
+        farm: events.clone(),
+        telemetry: Arc::clone(&shared.telemetry),
+    };
     let ledger = Ledger {
         state: shared.state.clone(),
         blobs: shared.blobs.clone(),
         hub: Arc::clone(&shared.hub),
         farm: events.clone(),
+        telemetry: Arc::clone(&shared.telemetry),
     };
     let workers = worker::start(workers, &outlets, &entries)?;
     let farm = Farm::new(Arc::clone(shared), Arc::clone(queue), entries, events);
@@ -255,7 +270,7 @@ fn builder(tls: Option<&TlsFiles>) -> Result<Server, Error> {
         let named = |e: std::io::Error| std::io::Error::new(e.kind(), format!("{}: {e}", path.display()));
         std::fs::read(path).map_err(named)
     };
-    let identity = Identity::from_pem(read(&tls.cert)?, read(&tls.key)?);
+    let identity = ServerIdentity::from_pem(read(&tls.cert)?, read(&tls.key)?);
     let wrong = |e: tonic::transport::Error| {
         let cause = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
         Error::Storage(std::io::Error::other(format!(
@@ -279,6 +294,7 @@ async fn router(
         blobs: shared.blobs.clone(),
         uploads,
         max_bytes: shared.limits.max_asset_bytes,
+        telemetry: Arc::clone(&shared.telemetry),
         ending: shared.ending.clone(),
     });
     let jobs = JobsServer::new(JobsService {
@@ -301,6 +317,7 @@ async fn router(
         .build_v1()
         .map_err(|e| Error::Internal(e.to_string()))?;
     Ok(builder
+        .layer(CallsLayer::new(Arc::clone(&shared.telemetry)))
         .layer(GuardLayer { tokens })
         .add_service(health)
         .add_service(reflection)

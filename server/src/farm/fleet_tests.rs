@@ -12,6 +12,8 @@ use crate::farm::live::{Live, LiveFrame, Merged};
 use crate::farm::queue::{Queue, Task};
 use crate::past::{Past, Trouble};
 use crate::state::StoredLease;
+use crate::telemetry::Telemetry;
+use crate::telemetry::traces::Taken;
 
 const SCENE: &str = r#"{ "version": 1, "film": {"width": 64, "height": 64},
   "camera": {"type": "perspective", "vfov": 40, "transform":
@@ -61,8 +63,9 @@ fn setup(ttl: Duration, earlier: Vec<StoredLease>) -> Setup {
         round: Arc::clone(&round),
         tile,
         past: Past::default(),
+        taken: Taken::default(),
     }));
-    let fleet = Fleet::new(Arc::clone(&queue), 0, ttl, 3, earlier);
+    let fleet = Fleet::new(Arc::clone(&queue), 0, ttl, (3, earlier), Arc::new(Telemetry::off()));
     Setup { queue, live, frame, fleet }
 }
 
