@@ -43,7 +43,7 @@ pub enum LogFormat {
 /// Where traces go. The names are OpenTelemetry's.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Collector {
-    /// Address of a collector for traces (OTLP over gRPC), such as http://127.0.0.1:4317; without one nothing is
+    /// Address of a collector for traces (OTLP over gRPC), such as <http://127.0.0.1:4317>; without one nothing is
     /// traced.
     #[arg(long = "otlp-endpoint", env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
     pub endpoint: Option<String>,

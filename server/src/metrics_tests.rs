@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use karst_proto::v1::jobs_server::Jobs as _;
 use karst_proto::v1::{JobSpec, Scene, SubmitJobRequest};
-use prometheus::proto::{MetricFamily, MetricType};
+use prometheus::proto::{Metric, MetricFamily, MetricType};
 use tokio::sync::Semaphore;
 use tonic::Request;
 
@@ -158,7 +158,7 @@ fn line(family: &MetricFamily) -> String {
         MetricType::SUMMARY | MetricType::UNTYPED | MetricType::HISTOGRAM => panic!("{}", family.name()),
     };
     let mut labels: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for pair in family.get_metric().iter().flat_map(|metric| metric.get_label()) {
+    for pair in family.get_metric().iter().flat_map(Metric::get_label) {
         labels.entry(pair.name()).or_default().push(pair.value());
     }
     let label = |(name, values): (&&str, &Vec<&str>)| match *name {

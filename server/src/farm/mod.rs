@@ -268,7 +268,9 @@ impl Farm {
         let shared = Arc::clone(&self.shared);
         let then = Box::new(move || {
             tell(&shared, now, &ended, answer);
-            spans.into_iter().for_each(|span| shared.telemetry.traces.send(|| span));
+            for span in spans {
+                shared.telemetry.traces.send(|| span);
+            }
         });
         let entry = Entry::Rows(Box::new(Rows { changes: rows, film, given_up, then }));
         if self.ledger.send(entry).await.is_err() {

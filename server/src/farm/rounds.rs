@@ -123,7 +123,7 @@ impl Farm {
         let Some(Rendering { round, seconds, .. }) = self.jobs.finish_round(&frame, &plan.summary) else {
             return;
         };
-        self.round_ended(&frame, round, plan.summary.samples);
+        self.round_ended(&frame);
         let out_of_time = frame.scene.sampling().time_limit.is_some_and(|limit| seconds >= limit);
         let next = plan.next.filter(|_| !out_of_time);
         let report = report(round, seconds, &plan.summary);

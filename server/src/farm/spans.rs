@@ -37,9 +37,10 @@ impl Farm {
     }
 
     /// A round is complete and evaluated.
-    pub(super) fn round_ended(&mut self, frame: &LiveFrame, round: u32, samples: u64) {
+    pub(super) fn round_ended(&mut self, frame: &LiveFrame) {
+        let samples = frame.current_round().map_or(0, |round| round.samples(&frame.grid));
         let Some(job) = self.jobs.get_mut(frame.number) else { return };
-        let Some((_, began)) = job.times.rounds.remove(&frame.frame) else { return };
+        let Some((round, began)) = job.times.rounds.remove(&frame.frame) else { return };
         let place = Place::Round(frame.frame, round);
         let span =
             || Span::of(&frame.job, place, (began, clock::now())).samples(samples).ended("complete", None);

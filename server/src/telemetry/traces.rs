@@ -199,7 +199,7 @@ impl Place {
 pub(crate) struct Span {
     name: &'static str,
     trace: TraceId,
-    span: SpanId,
+    id: SpanId,
     parent: SpanId,
     kind: SpanKind,
     remote: bool,
@@ -216,7 +216,7 @@ impl Span {
         Self {
             name: place.name(),
             trace: trace_id(job),
-            span: place.span_id(job),
+            id: place.span_id(job),
             parent: place.parent().map_or(SpanId::INVALID, |parent| parent.span_id(job)),
             kind: SpanKind::Internal,
             remote: false,
@@ -235,7 +235,7 @@ impl Span {
     ) -> Self {
         let of_task = Self::of(job, Place::Task(frame, round, tile, Taken::default()), period);
         let (trace, parent) = (parent.trace, parent.span);
-        Self { name: "render", trace, span: random_span(), parent, remote: true, ..of_task }
+        Self { name: "render", trace, id: random_span(), parent, remote: true, ..of_task }
     }
 
     /// A thread of the process that gave the task to it was busy with it.
@@ -277,7 +277,7 @@ impl Span {
     fn data(self) -> SpanData {
         let flags = TraceFlags::SAMPLED;
         SpanData {
-            span_context: SpanContext::new(self.trace, self.span, flags, false, TraceState::default()),
+            span_context: SpanContext::new(self.trace, self.id, flags, false, TraceState::default()),
             parent_span_id: self.parent,
             parent_span_is_remote: self.remote,
             span_kind: self.kind,
@@ -326,10 +326,10 @@ mod tests {
         let chain = [Place::Job, Place::Frame(1), Place::Round(1, 0), Place::Task(1, 0, 3, taken)].map(span);
         assert_eq!(chain[0].parent, SpanId::INVALID);
         for pair in chain.windows(2) {
-            assert_eq!((pair[0].span, pair[0].trace), (pair[1].parent, pair[1].trace));
+            assert_eq!((pair[0].id, pair[0].trace), (pair[1].parent, pair[1].trace));
         }
-        assert_ne!(span(Place::Frame(2)).span, chain[1].span);
-        assert_ne!(span(Place::Round(1, 1)).span, chain[2].span);
+        assert_ne!(span(Place::Frame(2)).id, chain[1].id);
+        assert_ne!(span(Place::Round(1, 1)).id, chain[2].id);
         let distinct = [Taken::by_lease(7, 4, 1), Taken::by_lease(8, 3, 1), taken.late(), Taken::here(1)];
         assert!(distinct.iter().all(|other| other.span != taken.span && other.is_known()));
         assert!(!Taken::default().is_known());
@@ -359,7 +359,7 @@ mod tests {
             "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-1",
         ];
         for text in garbage.into_iter().chain([&*"-".repeat(1 << 20), &*"é".repeat(27)]) {
-            assert_eq!(Parent::parse(text), None, "{:.60}", text);
+            assert_eq!(Parent::parse(text), None, "{text:.60}");
         }
     }
 

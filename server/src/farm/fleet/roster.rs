@@ -48,7 +48,7 @@ pub(crate) struct Member {
 }
 
 impl Fleet {
-    /// Every worker that is remembered, by its id.
+    /// Every worker that is remembered, by its id; without those that said that they would leave and have left.
     pub(crate) fn roster(&self) -> Vec<Member> {
         let inner = self.lock();
         let member = |(id, worker): (&String, &super::Worker)| {
@@ -63,7 +63,8 @@ impl Fleet {
                 tasks: sizes.iter().sum(),
             }
         };
-        inner.workers.iter().map(member).collect()
+        let is_here = |(_, worker): &(&String, &super::Worker)| !(worker.lost && worker.draining);
+        inner.workers.iter().filter(is_here).map(member).collect()
     }
 
     /// Tasks that nobody has taken.
