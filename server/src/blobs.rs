@@ -7,6 +7,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use futures::TryStreamExt;
 use object_store::local::LocalFileSystem;
@@ -54,6 +55,7 @@ impl Kind {
 pub struct Blobs {
     store: Arc<LocalFileSystem>,
     root: PathBuf,
+    written: Arc<AtomicU64>,
 }
 
 impl Blobs {
@@ -65,7 +67,12 @@ impl Blobs {
         std::fs::create_dir_all(root)?;
         remove_unfinished(root)?;
         let store = LocalFileSystem::new_with_prefix(root)?.with_fsync(true);
-        Ok(Self { store: Arc::new(store), root: root.to_owned() })
+        Ok(Self { store: Arc::new(store), root: root.to_owned(), written: Arc::default() })
+    }
+
+    /// Bytes that were stored since the start.
+    pub fn written(&self) -> u64 {
+        self.written.load(Ordering::Relaxed)
     }
 
     /// Stores `bytes`; they are durable on return. Storing the same bytes again does nothing.
@@ -77,7 +84,9 @@ impl Blobs {
         let hashed = bytes.clone();
         let digest = tokio::task::spawn_blocking(move || Digest::of(&hashed)).await?;
         if self.size(kind, &digest).await?.is_none() {
+            let size = bytes.len() as u64;
             self.store.put(&kind.name(&digest), bytes.into()).await?;
+            self.written.fetch_add(size, Ordering::Relaxed);
         }
         Ok(digest)
     }
@@ -168,7 +177,9 @@ impl Blobs {
         let target = self.root.join(kind.name(digest).as_ref());
         let folder = target.parent().unwrap_or(&self.root);
         std::fs::create_dir_all(folder)?;
+        let size = std::fs::metadata(file)?.len();
         std::fs::rename(file, &target)?;
+        self.written.fetch_add(size, Ordering::Relaxed);
         // Three folders may have new entries: the blob's, the one above, and the kind's parent.
         for folder in folder.ancestors().take_while(|f| f.starts_with(&self.root)) {
             std::fs::File::open(folder)?.sync_all()?;

@@ -40,6 +40,18 @@ pub enum LogFormat {
     Json,
 }
 
+/// Where traces go. The names are OpenTelemetry's.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct Collector {
+    /// Address of a collector for traces (OTLP over gRPC), such as <http://127.0.0.1:4317>; without one nothing is
+    /// traced.
+    #[arg(long = "otlp-endpoint", env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
+    pub endpoint: Option<String>,
+    /// File with the certificate that an https collector must show, or of whoever has signed it.
+    #[arg(long = "otlp-ca-file", env = "OTEL_EXPORTER_OTLP_CERTIFICATE", value_name = "FILE")]
+    pub ca_file: Option<PathBuf>,
+}
+
 /// Options of `health`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Health {
@@ -107,6 +119,9 @@ pub struct Serve {
     #[arg(long, env = "KARST_LEASE", default_value_t = 30, value_name = "SECONDS",
           value_parser = clap::value_parser!(u32).range(1..=3600))]
     pub lease: u32,
+    /// Where traces go.
+    #[command(flatten)]
+    pub collector: Collector,
     /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
     #[arg(long, env = "KARST_LOG", default_value = "info")]
     pub log: String,
@@ -152,6 +167,7 @@ impl Serve {
             workers: self.workers.map_or(processors, |n| n as usize),
             lease: Duration::from_secs(self.lease.into()),
             tokens_file: self.tokens_file.clone(),
+            collector: self.collector.clone(),
             state: state_home(),
         })
     }
@@ -185,6 +201,9 @@ pub struct Work {
     /// Seconds to look for a server that is away before giving up; 0 looks for ever.
     #[arg(long, env = "KARST_PATIENCE", default_value_t = 0, value_name = "SECONDS")]
     pub patience: u32,
+    /// Where traces go.
+    #[command(flatten)]
+    pub collector: Collector,
     /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
     #[arg(long, env = "KARST_LOG", default_value = "info")]
     pub log: String,
@@ -209,6 +228,7 @@ impl Work {
             grace: seconds(self.grace),
             patience: (self.patience > 0).then(|| seconds(self.patience)),
             host: host(),
+            collector: self.collector.clone(),
         }
     }
 }
@@ -236,6 +256,8 @@ pub struct WorkConfig {
     pub patience: Option<Duration>,
     /// What this machine is called.
     pub host: String,
+    /// Where traces go.
+    pub collector: Collector,
 }
 
 fn state_home() -> Option<PathBuf> {
@@ -275,6 +297,8 @@ pub struct Config {
     pub lease: Duration,
     /// Whose tokens are known, besides the local one; by default a file in the data folder.
     pub tokens_file: Option<PathBuf>,
+    /// Where traces go.
+    pub collector: Collector,
     /// Folder in which programs of this account look for the local token of a server.
     pub state: Option<PathBuf>,
 }

@@ -16,6 +16,7 @@
 //! | [`farm`] | the event loop, the workers, the ledger that makes things durable |
 //! | [`preview`] `view` `films` | who watches pixels, and what they see |
 //! | `front` `page` | the port, and the page that browsers show |
+//! | [`telemetry`] [`metrics`] | what karst tells about itself: log lines, spans, counts |
 //! | [`work`] | the other side: a process that renders tasks of a server |
 //!
 //! How a result comes to count: a worker renders a tile → the ledger stores its bytes (synced) → one transaction →
@@ -34,6 +35,7 @@ mod films;
 mod front;
 mod health;
 pub mod job;
+pub mod metrics;
 pub mod model;
 mod page;
 pub mod past;
@@ -41,6 +43,7 @@ pub mod preview;
 pub mod service;
 pub mod spec;
 pub mod state;
+pub mod telemetry;
 pub mod uploads;
 mod view;
 pub mod work;
@@ -53,8 +56,11 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use axum::Router;
+use axum::extract::{Request, State as From};
 use axum::middleware::from_fn_with_state;
-use axum::response::IntoResponse as _;
+use axum::response::{IntoResponse as _, Response};
+use axum::routing::get;
 use karst_core::scene::Limits;
 use karst_proto::connect;
 use karst_proto::v1::assets_server::AssetsServer;
@@ -73,7 +79,7 @@ use tonic::service::RoutesBuilder;
 
 use crate::blobs::{Blobs, Kind};
 use crate::config::Config;
-use crate::door::{Tokens, guard};
+use crate::door::{Tokens, guard, is_call};
 use crate::error::Error;
 use crate::farm::fleet::Fleet;
 use crate::farm::ledger::{self, Ledger};
@@ -87,6 +93,8 @@ use crate::service::jobs::JobsService;
 use crate::service::previews::PreviewsService;
 use crate::service::workers::WorkersService;
 use crate::state::State;
+use crate::telemetry::Telemetry;
+use crate::telemetry::calls::{Counter, count};
 use crate::uploads::Uploads;
 
 /// Scenes that are checked at the same time: each may be large.
@@ -129,6 +137,7 @@ pub async fn serve(
     }
     machinery.stop().await?;
     shared.state.close().await;
+    shared.telemetry.traces.clone().end().await;
     Ok(())
 }
 
@@ -180,9 +189,11 @@ async fn open(config: &Config, queue: &Arc<Queue>) -> Result<Arc<Shared>, Error>
     if swept > 0 {
         tracing::info!("deleted {swept} blobs that nothing refers to");
     }
-    let start = state.count_start().await?;
-    let fleet = Fleet::new(Arc::clone(queue), config.workers, config.lease, start, state.leases().await?);
+    let telemetry = Arc::new(Telemetry::start(&config.collector)?);
+    let earlier = (state.count_start().await?, state.leases().await?);
+    let fleet = Fleet::new(Arc::clone(queue), config.workers, config.lease, earlier, Arc::clone(&telemetry));
     Ok(Arc::new(Shared {
+        telemetry,
         fleet,
         state,
         films: Films::new(blobs.clone()),
@@ -214,12 +225,18 @@ async fn start(
         tracing::info!(job = %job.run.job.id, "goes on");
         let _ = events.send(Event::Submitted(Box::new(job), None));
     }
-    let outlets = Outlets { queue: Arc::clone(queue), ledger: entries.downgrade(), farm: events.clone() };
+    let outlets = Outlets {
+        queue: Arc::clone(queue),
+        ledger: entries.downgrade(),
+        farm: events.clone(),
+        telemetry: Arc::clone(&shared.telemetry),
+    };
     let ledger = Ledger {
         state: shared.state.clone(),
         blobs: shared.blobs.clone(),
         hub: Arc::clone(&shared.hub),
         farm: events.clone(),
+        telemetry: Arc::clone(&shared.telemetry),
     };
     let workers = worker::start(workers, &outlets, &entries)?;
     let farm = Farm::new(Arc::clone(shared), Arc::clone(queue), entries, events);
@@ -251,11 +268,12 @@ async fn routes(
     outlets: Outlets,
     tokens: Arc<Tokens>,
     page: page::Page,
-) -> Result<axum::Router, Error> {
+) -> Result<Router, Error> {
     let assets = AssetsServer::new(AssetsService {
         blobs: shared.blobs.clone(),
         uploads,
         max_bytes: shared.limits.max_asset_bytes,
+        telemetry: Arc::clone(&shared.telemetry),
         ending: shared.ending.clone(),
     });
     let jobs = JobsServer::new(JobsService {
@@ -286,14 +304,28 @@ async fn routes(
         .add_service(frames.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(previews.max_decoding_message_size(MAX_MESSAGE_BYTES))
         .add_service(workers.max_decoding_message_size(MAX_WORKER_MESSAGE_BYTES));
-    let calls = calls.routes().into_axum_router().route_layer(from_fn_with_state(tokens, guard));
+    let metrics = Router::new().route("/metrics", get(show_metrics)).with_state(Arc::clone(shared));
+    // The guard comes first, and what it refuses is counted too.
+    let calls = calls
+        .routes()
+        .into_axum_router()
+        .merge(metrics)
+        .route_layer(from_fn_with_state(tokens, guard))
+        .layer(from_fn_with_state(Counter::new(Arc::clone(&shared.telemetry)), count));
     Ok(calls.merge(page::routes(page)).fallback(unknown))
 }
 
+/// What Prometheus asks for.
+async fn show_metrics(From(shared): From<Arc<Shared>>) -> Response {
+    match metrics::metrics(&shared).await {
+        Ok(text) => ([(http::header::CONTENT_TYPE, metrics::CONTENT_TYPE)], text).into_response(),
+        Err(e) => (http::StatusCode::SERVICE_UNAVAILABLE, format!("{e}\n")).into_response(),
+    }
+}
+
 /// Nothing is at this path.
-async fn unknown(request: axum::extract::Request) -> axum::response::Response {
-    let kind = request.headers().get(http::header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
-    if kind.is_some_and(|kind| kind.starts_with("application/grpc")) {
+async fn unknown(request: Request) -> Response {
+    if is_call(request.headers()) {
         return Status::unimplemented("this server has no such call").into_http();
     }
     (http::StatusCode::NOT_FOUND, "nothing is here; the page is at /\n").into_response()

@@ -12,7 +12,6 @@ use karst_server::door::{Role, TlsFiles, Tokens, line, make_certificate, new_tok
 use karst_server::health;
 use karst_server::work::{WorkError, work};
 use tokio::net::TcpListener;
-use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
     if let Err(e) = karst_core::cpu::require_baseline() {
@@ -25,14 +24,8 @@ fn main() -> ExitCode {
         Command::Token(options) => return token(options),
         Command::Health(_) => ("off", LogFormat::Text),
     };
-    let filter = match EnvFilter::try_new(log) {
-        Ok(filter) => filter,
-        Err(e) => return fail(&format_args!("--log {log:?}: {e}")),
-    };
-    let logger = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    match format {
-        LogFormat::Text => logger.init(),
-        LogFormat::Json => logger.json().init(),
+    if let Err(e) = karst_server::telemetry::log::init(log, format) {
+        return fail(&e);
     }
     let runtime = match tokio::runtime::Builder::new_multi_thread().worker_threads(4).enable_all().build() {
         Ok(runtime) => runtime,

@@ -72,6 +72,11 @@ impl Hub {
         self.each(job, Viewer::end);
     }
 
+    /// Viewers that are there, of all jobs.
+    pub fn viewers(&self) -> usize {
+        self.lock().values().flatten().filter(|viewer| viewer.strong_count() > 0).count()
+    }
+
     fn each(&self, job: &str, tell: impl Fn(&Viewer)) {
         let mut viewers = self.lock();
         let Some(of_job) = viewers.get_mut(job) else { return };

@@ -167,6 +167,26 @@ async fn only_who_may_look_gets_in() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn metrics_are_for_those_who_may_look() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = TestServer::start(dir.path(), 0).await;
+    let work = new_token();
+    std::fs::write(dir.path().join("tokens"), line(Role::Work, "farm", &work)).unwrap();
+    let (socket, _) = page(&server).await;
+    let ask = async |token: &str| {
+        http(&server, "GET /metrics", &format!("Authorization: Bearer {token}\r\n"), "").await
+    };
+    let found = ask(&server.token).await;
+    assert!(found.contains("content-type: text/plain; version=0.0.4"), "{found}");
+    assert!(found.contains("\nkarst_page_sockets 1\n"), "{found}");
+    assert_eq!(code(&ask(&work).await), 403);
+    assert_eq!(code(&ask("wrong").await), 401);
+    assert_eq!(code(&http(&server, "GET /metrics", "", "").await), 401);
+    drop(socket);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_page_sees_a_job_from_its_first_tile_to_its_last() {
     let dir = tempfile::tempdir().unwrap();
     let server = TestServer::start(dir.path(), 1).await;

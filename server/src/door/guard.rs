@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::Next;
-use axum::response::Response;
+use axum::response::{IntoResponse as _, Response};
 use tonic::Status;
 
 use crate::door::{Role, Tokens};
@@ -16,8 +16,22 @@ use crate::error::Error;
 pub(crate) async fn guard(State(tokens): State<Arc<Tokens>>, request: Request, next: Next) -> Response {
     match check(&tokens, request.uri().path(), request.headers()) {
         Ok(()) => next.run(request).await,
-        Err(error) => Status::from(error).into_http::<Body>(),
+        Err(error) => refuse(error, request.headers()),
     }
+}
+
+fn refuse(error: Error, headers: &HeaderMap) -> Response {
+    if is_call(headers) {
+        return Status::from(error).into_http::<Body>();
+    }
+    let is_known = matches!(error, Error::Role { .. });
+    let code = if is_known { StatusCode::FORBIDDEN } else { StatusCode::UNAUTHORIZED };
+    (code, format!("{error}\n")).into_response()
+}
+
+/// Whether a request is a gRPC call, which hears of errors in its own way.
+pub(crate) fn is_call(headers: &HeaderMap) -> bool {
+    headers.get(header::CONTENT_TYPE).is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc"))
 }
 
 /// Whether the bearer of a request's token may call `path`.

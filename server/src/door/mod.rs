@@ -9,6 +9,6 @@ mod role;
 mod tokens;
 
 pub use certificate::{TlsFiles, make_certificate};
-pub(crate) use guard::guard;
+pub(crate) use guard::{guard, is_call};
 pub use role::Role;
 pub use tokens::{Tokens, line, new_token};

@@ -30,6 +30,7 @@ const VIEW: &[&str] = &[
     "/karst.v1.Frames/CollectTiles",
     "/karst.v1.Frames/DownloadFrame",
     "/karst.v1.Previews/StreamTiles",
+    "/metrics",
 ];
 
 /// Calls of `submit`.

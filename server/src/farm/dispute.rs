@@ -82,8 +82,8 @@ impl Ledger {
         let Task { frame, round, tile, .. } = result.task.clone();
         let standing = frame.merged().vote(round.index, tile, result.vote.clone());
         match standing {
-            Standing::Closed => result.answer(Verdict::Closed),
-            Standing::Agreed => result.answer(Verdict::Duplicate),
+            Standing::Closed => result.answer(Verdict::Closed, &self.telemetry),
+            Standing::Agreed => result.answer(Verdict::Duplicate, &self.telemetry),
             Standing::Disputed => {
                 tracing::error!(
                     job = %frame.job, frame = frame.frame, round = round.index, tile,
@@ -91,11 +91,11 @@ impl Ledger {
                     "DETERMINISM VIOLATION: two results of one task differ; both are kept, the server decides"
                 );
                 self.keep(&frame, &result).await;
-                result.answer(Verdict::Disputed);
+                result.answer(Verdict::Disputed, &self.telemetry);
                 let _ = self.farm.send(Event::Disputed(Box::new(result.task)));
             }
             Standing::Upheld(wrong) => {
-                result.answer(Verdict::Duplicate);
+                result.answer(Verdict::Duplicate, &self.telemetry);
                 let _ = self.farm.send(Event::Settled(frame, wrong));
             }
             Standing::Overruled(wrong) => {
@@ -103,10 +103,10 @@ impl Ledger {
                     Ok(()) => drop(self.farm.send(Event::Settled(Arc::clone(&frame), wrong))),
                     Err(e) => drop(self.farm.send(Event::TileFailed(Arc::clone(&frame), e.to_string()))),
                 }
-                result.answer(Verdict::Accepted);
+                result.answer(Verdict::Accepted, &self.telemetry);
             }
             Standing::Hopeless => {
-                result.answer(Verdict::Disputed);
+                result.answer(Verdict::Disputed, &self.telemetry);
                 let text = format!("tile {tile}: three renders of round {} gave three results", round.index);
                 let _ = self.farm.send(Event::Hopeless(frame, text));
             }

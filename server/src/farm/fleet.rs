@@ -4,17 +4,25 @@
 //! from one that nobody asked for. Everything else here is in memory: after a crash all open tasks are open again,
 //! and a worker that comes back with its leases takes their tasks out of the queue again.
 
+mod roster;
+
+pub(crate) use roster::WorkerStanding;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::time::Instant;
 
+use crate::clock;
 use crate::farm::batch::{Pace, batch};
 use crate::farm::live::Live;
 use crate::farm::queue::{Queue, Task};
 use crate::past::{Past, Trouble};
 use crate::state::StoredLease;
+use crate::telemetry::Telemetry;
+use crate::telemetry::counts::Outcome;
+use crate::telemetry::traces::Taken;
 
 /// A task of which nothing was heard for this many times its expected duration gets a copy elsewhere, when somebody
 /// has nothing else to do.
@@ -118,6 +126,8 @@ struct Held {
     granted: Instant,
     /// The worker may hear of it: its row is stored.
     stored: bool,
+    /// The worker was not heard of in time.
+    expired: bool,
     /// Everything that was given.
     given: Vec<Task>,
     /// What the worker has not reported yet; empty once the lease has expired.
@@ -140,6 +150,7 @@ pub(crate) struct Fleet {
     queue: Arc<Queue>,
     /// Threads that render in this process.
     local: usize,
+    telemetry: Arc<Telemetry>,
     /// A worker that is not heard of for so long is lost.
     pub ttl: Duration,
 }
@@ -151,12 +162,12 @@ impl Fleet {
         queue: Arc<Queue>,
         local: usize,
         ttl: Duration,
-        start: u64,
-        earlier: Vec<StoredLease>,
+        (start, earlier): (u64, Vec<StoredLease>),
+        telemetry: Arc<Telemetry>,
     ) -> Self {
         let earlier = earlier.into_iter().map(|lease| (lease.fence, lease)).collect();
         let inner = Inner { earlier, next: (start << 32) + 1, ..Inner::default() };
-        let fleet = Self { inner: Mutex::new(inner), queue, local, ttl };
+        let fleet = Self { inner: Mutex::new(inner), queue, local, telemetry, ttl };
         fleet.demand(&fleet.lock());
         fleet
     }
@@ -180,7 +191,7 @@ impl Fleet {
             inner.recall(fence, live, &self.queue);
         }
         for (&fence, held) in inner.held.iter_mut().filter(|(_, h)| h.worker == caller.worker) {
-            held.tasks.retain(Task::is_open);
+            held.drop_closed(&self.telemetry);
             let listed = caller.held.contains(&fence);
             if held.tasks.is_empty() {
                 standing.revoked.extend(listed.then_some(fence));
@@ -216,8 +227,12 @@ impl Fleet {
         if tasks.is_empty() {
             return None;
         }
-        let lease = Lease { fence: inner.next, tasks };
+        let (fence, now) = (inner.next, clock::now());
         inner.next += 1;
+        for task in &mut tasks {
+            task.taken = Taken::by_lease(fence, task.tile, now);
+        }
+        let lease = Lease { fence, tasks };
         inner.held.insert(lease.fence, Held::new(worker, lease.tasks.clone(), false));
         Some(lease)
     }
@@ -242,7 +257,7 @@ impl Fleet {
             return if fence < inner.next { Found::Closed } else { Found::Never };
         };
         match held.given.iter().find(|t| t.tile == tile && held.worker == worker) {
-            Some(task) if task.is_current() => Found::Task(Box::new(task.clone())),
+            Some(task) if task.is_current() => Found::Task(Box::new(held.as_reported(task))),
             Some(_) => Found::Closed,
             None => Found::Never,
         }
@@ -273,14 +288,23 @@ impl Fleet {
             }
             worker.lost = true;
             tracing::warn!(worker = %worker.name, "not heard of for {:?}: its tasks go to others", self.ttl);
-            let of_worker = held.values_mut().filter(|h| h.worker == *id);
+            let of_worker = held
+                .values_mut()
+                .filter(|h| h.worker == *id && !h.tasks.is_empty())
+                .inspect(|_| self.telemetry.counts.expirations.inc());
             troubles.extend(
                 of_worker
                     .flat_map(|h| h.expire(worker.threads as usize))
                     .map(|(t, why)| (id.clone(), t, why)),
             );
         }
-        held.retain(|_, h| h.given.iter().any(Task::is_current));
+        held.retain(|_, h| {
+            let is_current = h.given.iter().any(Task::is_current);
+            if !is_current {
+                h.drop_closed(&self.telemetry);
+            }
+            is_current
+        });
         workers.retain(|_, w| w.blocked.is_some() || now.duration_since(w.seen) < FORGET);
         self.demand(&inner);
         troubles
@@ -311,11 +335,29 @@ impl Fleet {
 
 impl Held {
     fn new(worker: &str, tasks: Vec<Task>, stored: bool) -> Self {
-        Self { worker: worker.to_owned(), granted: Instant::now(), stored, given: tasks.clone(), tasks }
+        let worker = worker.to_owned();
+        Self { worker, granted: Instant::now(), stored, expired: false, given: tasks.clone(), tasks }
+    }
+
+    /// Forgets the tasks that nobody needs any more.
+    fn drop_closed(&mut self, telemetry: &Telemetry) {
+        for closed in self.tasks.extract_if(.., |task| !task.is_open()) {
+            closed.traced(telemetry, &self.worker, Outcome::Closed, 0);
+        }
+    }
+
+    /// A given task, as the trace must know it that its worker reports about: the end of each is told once.
+    fn as_reported(&self, given: &Task) -> Task {
+        let mut task = given.clone();
+        if !self.tasks.iter().any(|open| open.tile == task.tile) {
+            task.taken = if self.expired { task.taken.late() } else { Taken::default() };
+        }
+        task
     }
 
     /// Takes back what is not reported. Tasks are done in order, one a thread: those behind were not begun.
     fn expire(&mut self, threads: usize) -> Vec<(Task, Trouble)> {
+        self.expired = true;
         let tasks = std::mem::take(&mut self.tasks).into_iter().filter(Task::is_open).enumerate();
         tasks
             .map(|(i, task)| (task, if i < threads { Trouble::Lost } else { Trouble::Interrupted }))
@@ -364,13 +406,18 @@ impl Inner {
         let Some(frame) = live.get(&earlier.job, earlier.frame) else { return };
         let Some(earlier) = self.earlier.remove(&fence) else { return };
         let Some(round) = frame.current_round().filter(|round| round.index == earlier.round) else { return };
-        let take = |&tile: &u32| queue.take_tile(&frame, earlier.round, tile);
+        let now = clock::now();
+        let take = |&tile: &u32| {
+            let task = queue.take_tile(&frame, earlier.round, tile)?;
+            Some(Task { taken: Taken::by_lease(fence, tile, now), ..task })
+        };
         let tasks: Vec<Task> = earlier.tiles.iter().filter_map(take).collect();
         let task = |&tile: &u32| Task {
             frame: Arc::clone(&frame),
             round: Arc::clone(&round),
             tile,
             past: Past::default(),
+            taken: Taken::by_lease(fence, tile, now),
         };
         let given = earlier.tiles.iter().map(task).collect();
         self.held.insert(fence, Held { tasks, ..Held::new(&earlier.worker, given, true) });

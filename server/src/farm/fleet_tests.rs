@@ -7,11 +7,13 @@ use std::time::Duration;
 use karst_core::film::{Film, Round, SampleRange, TileGrid};
 use karst_core::scene::{Assets, Document, Folder, Limits, Overrides, Scene};
 
-use super::{Caller, Fleet, Found, Refusal};
+use super::{Caller, Fleet, Found, Refusal, WorkerStanding};
 use crate::farm::live::{Live, LiveFrame, Merged};
 use crate::farm::queue::{Queue, Task};
 use crate::past::{Past, Trouble};
 use crate::state::StoredLease;
+use crate::telemetry::Telemetry;
+use crate::telemetry::traces::Taken;
 
 const SCENE: &str = r#"{ "version": 1, "film": {"width": 64, "height": 64},
   "camera": {"type": "perspective", "vfov": 40, "transform":
@@ -61,8 +63,9 @@ fn setup(ttl: Duration, earlier: Vec<StoredLease>) -> Setup {
         round: Arc::clone(&round),
         tile,
         past: Past::default(),
+        taken: Taken::default(),
     }));
-    let fleet = Fleet::new(Arc::clone(&queue), 0, ttl, 3, earlier);
+    let fleet = Fleet::new(Arc::clone(&queue), 0, ttl, (3, earlier), Arc::new(Telemetry::off()));
     Setup { queue, live, frame, fleet }
 }
 
@@ -134,6 +137,26 @@ async fn a_draining_worker_gives_back_what_it_does_not_list() {
     let standing = s.fleet.standing(&draining, &s.live);
     assert_eq!(standing.returned.len(), two.tasks.len());
     assert!(s.fleet.grant("a", 1).is_none(), "it gets nothing new");
+}
+
+#[tokio::test]
+async fn the_roster_says_who_is_there() {
+    let s = setup(Duration::ZERO, Vec::new());
+    for worker in ["a", "b", "c", "d"] {
+        s.fleet.present(&caller(worker, 1, &[])).unwrap();
+    }
+    let lease = s.fleet.grant("a", 2).unwrap();
+    s.fleet.block("b", "why");
+    let roster = || s.fleet.roster().into_iter().map(|m| (m.worker, m.standing, m.tasks)).collect::<Vec<_>>();
+    let (tasks, alive) = (lease.tasks.len(), WorkerStanding::Alive);
+    let named = |worker: &str, standing, tasks| (worker.to_owned(), standing, tasks);
+    let (a, b, d) = (named("a", alive, tasks), named("b", WorkerStanding::Blocked, 0), named("d", alive, 0));
+    assert_eq!(roster(), [a, b.clone(), named("c", alive, 0), d]);
+    s.fleet.present(&Caller { draining: true, ..caller("c", 2, &[]) }).unwrap();
+    assert_eq!(roster()[2], named("c", WorkerStanding::Draining, 0));
+    s.fleet.sweep();
+    let lost = |worker: &str| named(worker, WorkerStanding::Lost, 0);
+    assert_eq!(roster(), [lost("a"), b, lost("d")], "c has left as it said");
 }
 
 #[tokio::test]

@@ -12,6 +12,7 @@ use crate::farm::Checked;
 use crate::farm::live::LiveFrame;
 use crate::farm::prepare::{Context, Opened};
 use crate::farm::progress::Meter;
+use crate::farm::spans::Times;
 use crate::job::JobRun;
 use crate::model::FrameState;
 use crate::past::Past;
@@ -77,6 +78,8 @@ pub(crate) struct LiveJob {
     pub stages: BTreeMap<i32, Stage>,
     /// Measures how it is going.
     pub meter: Meter,
+    /// When what is under way began.
+    pub times: Times,
 }
 
 impl LiveJob {
@@ -91,6 +94,7 @@ impl LiveJob {
             first,
             stages: BTreeMap::new(),
             meter: Meter::default(),
+            times: Times::default(),
         }
     }
 

@@ -15,7 +15,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use karst_core::film::TileResult;
+use karst_core::film::{Counters, TileResult};
 use prost::bytes::Bytes;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, sleep, timeout_at};
@@ -28,6 +28,8 @@ use crate::farm::live::{LiveFrame, Vote};
 use crate::farm::queue::Task;
 use crate::preview::Hub;
 use crate::state::{Row, State};
+use crate::telemetry::Telemetry;
+use crate::telemetry::counts::Outcome;
 
 /// Results wait for each other at most this long, so that many share a sync.
 const WINDOW: Duration = Duration::from_millis(100);
@@ -54,7 +56,24 @@ pub(crate) struct Rendered {
 }
 
 impl Rendered {
-    pub(super) fn answer(&mut self, verdict: Verdict) {
+    /// Tells whoever brought the result what became of it, and whoever wants to know.
+    pub(super) fn answer(&mut self, verdict: Verdict, telemetry: &Telemetry) {
+        let outcome = match verdict {
+            Verdict::Accepted if self.task.taken.late => Outcome::Late,
+            Verdict::Accepted => Outcome::Accepted,
+            Verdict::Duplicate => Outcome::Duplicate,
+            Verdict::Closed => Outcome::Closed,
+            Verdict::Disputed => Outcome::Disputed,
+        };
+        let Counters { samples, rays, shadow_rays, .. } = self.result.counters;
+        self.task.ended(telemetry, &self.vote.worker, outcome, samples);
+        if verdict == Verdict::Accepted {
+            let counts = &telemetry.counts;
+            counts.samples.inc_by(samples);
+            counts.add_rays(rays, shadow_rays);
+            counts.nonfinite.inc_by(self.result.counters.nan_samples + self.result.counters.infinite_samples);
+            counts.exhausted.inc_by(self.result.counters.exhausted_rays);
+        }
         if let Some(ack) = self.ack.take() {
             let _ = ack.send(verdict);
         }
@@ -119,6 +138,7 @@ pub(crate) struct Ledger {
     pub(crate) blobs: Blobs,
     pub(crate) hub: Arc<Hub>,
     pub(crate) farm: mpsc::UnboundedSender<Event>,
+    pub(crate) telemetry: Arc<Telemetry>,
 }
 
 /// The queue in front of the writer.
@@ -142,7 +162,10 @@ impl Ledger {
         for entry in group {
             sorted.add(entry);
         }
-        let Group { mut results, again, mut rows, thens, films, given_up } = sorted;
+        let Group { mut results, again, closed, mut rows, thens, films, given_up } = sorted;
+        for mut result in closed {
+            result.answer(Verdict::Closed, &self.telemetry);
+        }
         let mut old = Vec::new();
         // A round's results were written before its film was made, so results beside a film are of the next round:
         // the film's row goes first, because it forgets the packs of the frame.
@@ -157,7 +180,7 @@ impl Ledger {
             old.extend(frame.merged().packs.drain(..).map(|pack| (Kind::Pack, pack)));
         }
         for result in results.values_mut().flatten() {
-            result.answer(Verdict::Accepted);
+            result.answer(Verdict::Accepted, &self.telemetry);
         }
         for (_, results) in results {
             self.merge(results).await;
@@ -243,6 +266,8 @@ struct Group {
     results: BTreeMap<(i64, i32), Vec<Rendered>>,
     /// Results of tasks that have one already.
     again: Vec<Rendered>,
+    /// Results that nobody needs any more.
+    closed: Vec<Rendered>,
     rows: Vec<Row>,
     thens: Vec<Box<dyn FnOnce() + Send>>,
     films: Vec<NewFilm>,
@@ -262,7 +287,7 @@ impl Group {
         }
     }
 
-    fn add_result(&mut self, mut result: Rendered) {
+    fn add_result(&mut self, result: Rendered) {
         let task = &result.task;
         let (is_current, has_result) = {
             let merged = task.frame.merged();
@@ -271,7 +296,7 @@ impl Group {
         };
         let of_frame = self.results.entry((task.frame.number, task.frame.frame)).or_default();
         if task.frame.is_stopped() || !is_current {
-            result.answer(Verdict::Closed);
+            self.closed.push(result);
         } else if has_result || of_frame.iter().any(|r| r.task.is_same(&result.task)) {
             self.again.push(result);
         } else {

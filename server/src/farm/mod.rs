@@ -17,6 +17,7 @@ pub(crate) mod prepare;
 mod progress;
 pub(crate) mod queue;
 mod rounds;
+mod spans;
 mod trouble;
 pub(crate) mod worker;
 
@@ -46,6 +47,7 @@ use crate::model::{Cause, Failure, Job};
 use crate::past::Trouble;
 use crate::preview::Hub;
 use crate::state::{Row, State, StoredJob};
+use crate::telemetry::Telemetry;
 
 /// How often progress is told.
 const PROGRESS: Duration = Duration::from_millis(500);
@@ -61,6 +63,7 @@ pub(crate) struct Shared {
     pub hub: Arc<Hub>,
     pub feeds: Feeds,
     pub fleet: Fleet,
+    pub telemetry: Arc<Telemetry>,
     /// The server is ending.
     pub ending: CancellationToken,
 }
@@ -260,11 +263,17 @@ impl Farm {
         let ended: Vec<i32> =
             job.run.frames.values().filter(|f| f.state.is_final()).map(|f| f.frame).collect();
         job.stages.retain(|frame, _| !ended.contains(frame));
+        let spans = spans::of_ended(job, &self.shared.telemetry.traces);
         if now.state.is_final() {
             self.jobs.remove(number);
         }
         let shared = Arc::clone(&self.shared);
-        let then = Box::new(move || tell(&shared, now, &ended, answer));
+        let then = Box::new(move || {
+            tell(&shared, now, &ended, answer);
+            for span in spans {
+                shared.telemetry.traces.send(|| span);
+            }
+        });
         let entry = Entry::Rows(Box::new(Rows { changes: rows, film, given_up, then }));
         if self.ledger.send(entry).await.is_err() {
             tracing::error!("the ledger has ended before the farm");

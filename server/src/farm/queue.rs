@@ -13,6 +13,7 @@ use tokio::sync::Notify;
 
 use crate::farm::live::LiveFrame;
 use crate::past::Past;
+use crate::telemetry::traces::Taken;
 
 /// What the worker inside the server is called where workers have names.
 pub(crate) const SERVER: &str = "server";
@@ -28,6 +29,8 @@ pub(crate) struct Task {
     pub tile: u32,
     /// What has gone wrong with it so far.
     pub past: Past,
+    /// Who has it, for the trace.
+    pub taken: Taken,
 }
 
 impl Task {

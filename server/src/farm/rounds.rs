@@ -21,6 +21,7 @@ use crate::job::Event as JobEvent;
 use crate::model::{FrameState, RoundReport, Statistics};
 use crate::past::Past;
 use crate::spec::JobSpec;
+use crate::telemetry::traces::Taken;
 
 /// Frames that are rendered, finished or made ready at the same time: bounds the memory for films and scenes.
 const MAX_LIVE_FRAMES: usize = 4;
@@ -51,6 +52,7 @@ impl Farm {
     async fn begin(&mut self, number: i64, frame: i32) {
         let Some(Begun { frame: live, state, round, past }) = self.jobs.begin(number, frame) else { return };
         self.shared.live.insert(Arc::clone(&live));
+        self.frame_begins(&live, state);
         let tiles: Vec<u32> = (0..live.grid.tile_count()).collect();
         self.shared.hub.publish(&live.job, frame, &tiles);
         let mut events = Vec::new();
@@ -73,6 +75,7 @@ impl Farm {
         let open: Vec<u32> = (0..frame.grid.tile_count())
             .filter(|&tile| merged[tile as usize] <= round.index && !round.tile_is_empty(&frame.grid, tile))
             .collect();
+        self.round_begins(&frame, round.index);
         frame.begin_round(Arc::clone(round), &open);
         self.jobs.begin_round(&frame, round, open.len() as u32);
         if open.is_empty() {
@@ -84,6 +87,7 @@ impl Farm {
             round: Arc::clone(round),
             tile,
             past: past.remove(&tile).unwrap_or_default(),
+            taken: Taken::default(),
         }));
     }
 
@@ -119,6 +123,7 @@ impl Farm {
         let Some(Rendering { round, seconds, .. }) = self.jobs.finish_round(&frame, &plan.summary) else {
             return;
         };
+        self.round_ended(&frame);
         let out_of_time = frame.scene.sampling().time_limit.is_some_and(|limit| seconds >= limit);
         let next = plan.next.filter(|_| !out_of_time);
         let report = report(round, seconds, &plan.summary);

@@ -14,12 +14,16 @@ use crate::job::Event as JobEvent;
 use crate::model::{Cause, Failure};
 use crate::past::Trouble;
 use crate::state::Row;
+use crate::telemetry::counts::Outcome;
+use crate::telemetry::traces::Taken;
 
 impl Farm {
     /// Tasks of workers did not end well: counts it, and tries them again or gives up their frames.
     pub(super) async fn troubles(&mut self, troubles: Vec<(String, Task, Trouble)>) {
         let mut rows = Vec::new();
         for (worker, mut task, trouble) in troubles {
+            task.ended(&self.shared.telemetry, &worker, outcome(&trouble), 0);
+            task.taken = Taken::default();
             if !task.is_open() {
                 continue;
             }
@@ -27,6 +31,7 @@ impl Farm {
             let (frame, round, tile) = (Arc::clone(&task.frame), task.round.index, task.tile);
             tracing::warn!(job = %frame.job, frame = frame.frame, round, tile, worker, "a task came back: {trouble:?}");
             if let Some(reason) = task.past.given_up(self.queue.workers()) {
+                self.shared.telemetry.counts.quarantined.inc();
                 let failure = Failure::new(Cause::Quarantine, quarantined(&task, &reason, &trouble));
                 self.fail(frame.number, frame.frame, failure).await;
                 continue;
@@ -68,6 +73,14 @@ impl Farm {
         let failure = Failure::new(Cause::Disputed, message);
         let event = JobEvent::FrameFailed(frame.frame, failure, clock::now());
         self.step(frame.number, vec![event], None, None).await;
+    }
+}
+
+fn outcome(trouble: &Trouble) -> Outcome {
+    match trouble {
+        Trouble::Failed(_) => Outcome::Failed,
+        Trouble::Lost => Outcome::Lost,
+        Trouble::Interrupted => Outcome::Interrupted,
     }
 }
 

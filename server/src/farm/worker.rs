@@ -11,6 +11,7 @@ use karst_core::film::TileResult;
 use karst_core::render::render_tile;
 use tokio::sync::mpsc;
 
+use crate::clock;
 use crate::digest::Digest;
 use crate::error::Error;
 use crate::farm::Event;
@@ -18,6 +19,9 @@ use crate::farm::ledger::{Entry, Rendered};
 use crate::farm::live::Vote;
 use crate::farm::queue::{Popped, Queue, SERVER, Task};
 use crate::past::Trouble;
+use crate::telemetry::Telemetry;
+use crate::telemetry::counts::Outcome;
+use crate::telemetry::traces::{Span, Taken};
 
 /// Ways to the parts of the farm.
 #[derive(Debug, Clone)]
@@ -29,6 +33,8 @@ pub(crate) struct Outlets {
     pub ledger: mpsc::WeakSender<Entry>,
     /// Who hears of an empty queue and of failures.
     pub farm: mpsc::UnboundedSender<Event>,
+    /// Who counts.
+    pub telemetry: Arc<Telemetry>,
 }
 
 /// How long a thread waits for a task before it looks for other things to do.
@@ -53,7 +59,7 @@ pub(crate) fn start(
 
 fn work(outlets: &Outlets, ledger: &mpsc::Sender<Entry>) {
     loop {
-        let task = match outlets.queue.pop(SERVER, PATIENCE) {
+        let mut task = match outlets.queue.pop(SERVER, PATIENCE) {
             Popped::Task(task) => *task,
             Popped::Nothing => continue,
             Popped::Closed => return,
@@ -61,7 +67,10 @@ fn work(outlets: &Outlets, ledger: &mpsc::Sender<Entry>) {
         if outlets.queue.is_low() {
             let _ = outlets.farm.send(Event::QueueLow);
         }
-        match render(&task) {
+        task.taken = Taken::here(clock::now());
+        let rendered = render(&task);
+        tell(&task, &rendered, &outlets.telemetry);
+        match rendered {
             Ok(Some(result)) => {
                 let bytes = result.to_bytes();
                 let vote = Vote { worker: SERVER.to_owned(), digest: Digest::of(&bytes) };
@@ -72,7 +81,7 @@ fn work(outlets: &Outlets, ledger: &mpsc::Sender<Entry>) {
                 }
             }
             // Stopped: whoever stopped the frame knows.
-            Ok(None) => {}
+            Ok(None) => task.traced(&outlets.telemetry, SERVER, Outcome::Interrupted, 0),
             Err(message) => {
                 let trouble = Trouble::Failed(message);
                 let _ = outlets.farm.send(Event::Trouble(SERVER.to_owned(), Box::new(task), trouble));
@@ -85,6 +94,22 @@ fn render(task: &Task) -> Result<Option<TileResult>, String> {
     let (scene, grid) = (&task.frame.scene, &task.frame.grid);
     catch_unwind(AssertUnwindSafe(|| render_tile(scene, grid, task.tile, &task.round, &task.frame.stop)))
         .map_err(|panic| describe(panic.as_ref()))
+}
+
+/// Counts and traces what a thread did for a task.
+fn tell(task: &Task, rendered: &Result<Option<TileResult>, String>, telemetry: &Telemetry) {
+    let period = (task.taken.at, clock::now());
+    let (samples, outcome, failure) = match rendered {
+        Ok(Some(result)) => (result.counters.samples, "done", None),
+        Ok(None) => (0, "stopped", None),
+        Err(message) => (0, "failed", Some(message.clone())),
+    };
+    telemetry.counts.add_seconds((period.1 - period.0) as f64 * 1e-6);
+    telemetry.traces.send(|| {
+        let place = (task.frame.frame, task.round.index, task.tile);
+        let span = Span::render_here(&task.frame.job, place, task.taken, period);
+        span.worker(SERVER).samples(samples).ended(outcome, failure)
+    });
 }
 
 /// What a panic says.

@@ -21,6 +21,7 @@ use crate::page::jobs::{tell_frames, tell_jobs};
 use crate::page::messages::{Ask, Probe, Tell};
 use crate::page::pixels::{answer_probes, send_tiles};
 use crate::page::session::{Session, Sessions, is_own_page, not_logged_in, problem};
+use crate::telemetry::counts::Ongoing;
 
 /// What both sides speak.
 const PROTOCOL: &str = "karst.page.v1";
@@ -101,6 +102,7 @@ pub(super) async fn open(State(page): State<Page>, upgrade: WebSocketUpgrade, re
 }
 
 async fn serve(socket: WebSocket, page: Page, session: Session) {
+    let _counted = Ongoing::new(&page.shared.telemetry.counts.page_sockets);
     let (mut sink, stream) = socket.split();
     let (sender, mut messages) = mpsc::channel(IN_FLIGHT);
     let outlet = Outlet { sender };

@@ -1,6 +1,7 @@
 //! Owns `karst.v1.Assets`: uploads by digest.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use karst_proto::v1::assets_server::Assets;
@@ -18,6 +19,8 @@ use crate::digest::Digest;
 use crate::error::Error;
 use crate::service::convert::digest;
 use crate::service::outlet::{Closed, Outflow, Outlet, stream};
+use crate::telemetry::Telemetry;
+use crate::telemetry::counts::Ongoing;
 use crate::uploads::{Committed, Uploads};
 
 /// An upload that sends nothing for so long gives its place up; what came is kept.
@@ -30,6 +33,7 @@ pub struct AssetsService {
     pub(crate) uploads: Uploads,
     /// Largest blob in bytes.
     pub(crate) max_bytes: u64,
+    pub(crate) telemetry: Arc<Telemetry>,
     /// The server is ending.
     pub(crate) ending: CancellationToken,
 }
@@ -109,6 +113,7 @@ impl AssetsService {
         let Some(mut upload) = self.uploads.begin(digest, start.total_size, start.offset).await? else {
             return Ok(self.uploads.committed(digest).await?);
         };
+        let _counted = Ongoing::new(&self.telemetry.counts.uploads);
         loop {
             match next(&mut stream).await {
                 Ok(Some(Part::Chunk(chunk))) => {

@@ -26,6 +26,8 @@ use crate::farm::{Event, Shared};
 use crate::past::Trouble;
 use crate::service::convert;
 use crate::state::Row;
+use crate::telemetry::counts::Outcome;
+use crate::telemetry::traces::Traces;
 
 /// An answer is held back at most this long.
 const HOLD: Duration = Duration::from_secs(10);
@@ -67,7 +69,7 @@ impl WorkersService {
         request: UpdateWorkerSessionRequest,
     ) -> Result<UpdateWorkerSessionResponse, Error> {
         let caller = check(&request)?;
-        let (fleet, live) = (&self.shared.fleet, &self.shared.live);
+        let (fleet, live, traces) = (&self.shared.fleet, &self.shared.live, &self.shared.telemetry.traces);
         fleet.present(&caller).map_err(refused)?;
         let taken = self.take_reports(&caller.worker, request.reports).await?;
         let standing = fleet.standing(&caller, live);
@@ -88,7 +90,7 @@ impl WorkersService {
         }
         Ok(UpdateWorkerSessionResponse {
             verdicts,
-            leases: leases.iter().map(lease_to_wire).collect(),
+            leases: leases.iter().map(|lease| lease_to_wire(lease, traces)).collect(),
             revoked: standing.revoked,
             ttl_milliseconds: fleet.ttl.as_millis() as u32,
         })
@@ -113,6 +115,7 @@ impl WorkersService {
             Found::Later => return Ok(Taken::Later),
             Found::Closed => return Ok(Taken::Decided(v1::Verdict::Closed)),
             Found::Never => {
+                self.shared.telemetry.counts.ended(Outcome::Refused);
                 let text = format!(
                     "lease {} with tile {} was never given to this worker",
                     report.fence, report.tile
@@ -127,9 +130,11 @@ impl WorkersService {
                 match read_result(&task, report).await? {
                     Ok((result, bytes, digest)) => {
                         self.shared.fleet.done(worker, fence, &task, Some(seconds));
+                        self.shared.telemetry.counts.add_seconds(seconds);
                         return self.write(worker, task, (result, bytes, digest)).await;
                     }
                     Err(text) => {
+                        self.shared.telemetry.counts.ended(Outcome::Refused);
                         self.trouble(worker, fence, task, Trouble::Failed(text.clone()));
                         return Ok(Taken::Refused(text));
                     }
@@ -324,7 +329,7 @@ fn verdict_to_wire(verdict: Verdict) -> v1::Verdict {
     }
 }
 
-fn lease_to_wire(lease: &Lease) -> v1::Lease {
+fn lease_to_wire(lease: &Lease, traces: &Traces) -> v1::Lease {
     let tile = |task: &Task| {
         let of = |block: u32| {
             let range = &task.round.blocks[block as usize];
@@ -333,6 +338,7 @@ fn lease_to_wire(lease: &Lease) -> v1::Lease {
         v1::TileTask {
             tile: task.tile,
             ranges: task.frame.grid.tile_blocks(task.tile).flat_map(of).collect(),
+            traceparent: traces.traceparent(&task.frame.job, task.taken),
         }
     };
     let first = lease.tasks.first();

@@ -15,7 +15,7 @@ use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
 
-pub use crate::state::read::{StoredJob, StoredLease, StoredRound};
+pub use crate::state::read::{Census, StoredJob, StoredLease, StoredRound};
 pub use crate::state::write::{Row, Submission, Submitted};
 
 use crate::error::Error;
@@ -54,9 +54,10 @@ impl State {
 }
 
 fn migrator() -> Migrator {
-    const STEPS: [(&str, &str); 2] = [
+    const STEPS: [(&str, &str); 3] = [
         ("first light", include_str!("../../migrations/0001_first_light.sql")),
         ("workers", include_str!("../../migrations/0002_workers.sql")),
+        ("census", include_str!("../../migrations/0003_census.sql")),
     ];
     let step = |(version, (name, sql)): (i64, (&'static str, &'static str))| {
         let sql = sqlx::SqlSafeStr::into_sql_str(sql);

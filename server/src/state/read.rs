@@ -22,6 +22,9 @@ pub struct StoredJob {
     pub run: JobRun,
 }
 
+/// Numbers by the names of states.
+pub type Census = BTreeMap<String, u64>;
+
 /// Where a frame can go on after a crash.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct StoredRound {
@@ -237,6 +240,20 @@ impl State {
         .fetch_one(&self.read)
         .await?;
         Ok(rows > 0)
+    }
+
+    /// How many jobs and how many frames there are, by the names of their states.
+    ///
+    /// # Errors
+    /// A failing database.
+    pub async fn census(&self) -> Result<(Census, Census), Error> {
+        let counts = |rows: Vec<SqliteRow>| {
+            rows.iter().map(|row| (row.get("state"), row.get::<i64, _>("number") as u64)).collect()
+        };
+        let jobs = sqlx::query("SELECT state, COUNT(*) AS number FROM jobs GROUP BY state");
+        let frames = sqlx::query("SELECT state, COUNT(*) AS number FROM frames GROUP BY state");
+        let jobs = counts(jobs.fetch_all(&self.read).await?);
+        Ok((jobs, counts(frames.fetch_all(&self.read).await?)))
     }
 
     /// All packs that rows refer to.

@@ -102,7 +102,7 @@ mod tests {
     use karst_proto::v1::{Lease, TaskEnd, TaskReport, TaskVerdict, TileTask, UpdateWorkerSessionResponse};
 
     fn lease(fence: u64, tiles: &[u32]) -> Lease {
-        let tiles = tiles.iter().map(|&tile| TileTask { tile, ranges: Vec::new() }).collect();
+        let tiles = tiles.iter().map(|&tile| TileTask { tile, ..TileTask::default() }).collect();
         Lease { fence, tiles, ..Lease::default() }
     }
 

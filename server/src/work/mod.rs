@@ -28,6 +28,7 @@ use tonic::{Code, Status};
 use uuid::Uuid;
 
 use crate::config::WorkConfig;
+use crate::telemetry::traces::Traces;
 use crate::work::cache::Cache;
 use crate::work::connection::Link;
 use crate::work::desk::{Desk, without_result};
@@ -90,12 +91,13 @@ pub async fn work(config: WorkConfig, stop: impl Future<Output = ()>) -> Result<
     let cache = Cache::open(&config.cache, config.cache_bytes)
         .map_err(|e| io::Error::new(e.kind(), format!("--cache {}: {e}", config.cache.display())))?;
     let (news, hears) = mpsc::unbounded_channel();
-    let pool = Arc::new(Pool::default());
+    let id = Uuid::new_v4();
+    let traces = Traces::start(&config.collector, "karst-worker", &id.to_string())?;
+    let pool = Arc::new(Pool::new(&id.to_string(), traces.clone()));
     pool.start(config.threads, &news)?;
     let calls = WorkersClient::new(link.line.clone())
         .max_encoding_message_size(MAX_WORKER_MESSAGE_BYTES)
         .max_decoding_message_size(MAX_WORKER_MESSAGE_BYTES);
-    let id = Uuid::new_v4();
     let name = format!("{}:{}", config.host, std::process::id());
     tracing::info!(worker = %id, server = %config.server, threads = config.threads, core = karst_core::BUILD, "begins");
     let mut worker = Worker {
@@ -110,6 +112,7 @@ pub async fn work(config: WorkConfig, stop: impl Future<Output = ()>) -> Result<
         link,
         calls,
         pool,
+        traces,
         news,
         hears,
         name,
@@ -122,6 +125,7 @@ pub async fn work(config: WorkConfig, stop: impl Future<Output = ()>) -> Result<
         }
     };
     worker.pool.close();
+    worker.traces.end().await;
     ended
 }
 
@@ -134,6 +138,7 @@ struct Worker {
     sequence: u64,
     desk: Desk,
     pool: Arc<Pool>,
+    traces: Traces,
     scenes: Arc<Mutex<Scenes>>,
     news: mpsc::UnboundedSender<News>,
     hears: mpsc::UnboundedReceiver<News>,
@@ -247,7 +252,7 @@ impl Worker {
                 Outcome::Failed(message) => without_result(fence, tile, TaskEnd::Failed, message),
                 Outcome::Stopped => without_result(fence, tile, TaskEnd::Interrupted, String::new()),
             }),
-            News::Opened(lease, Ok(frame)) => match tasks(&lease, &frame) {
+            News::Opened(lease, Ok(frame)) => match tasks(&lease, &frame, &self.traces) {
                 Ok(tasks) => {
                     let open = self.desk.tiles(lease.fence);
                     self.pool.push(tasks.into_iter().filter(|t| open.contains(&t.tile)));
@@ -349,18 +354,20 @@ impl Worker {
 }
 
 /// The tasks of a lease, held against the frame.
-fn tasks(lease: &Lease, frame: &Arc<WorkFrame>) -> Result<Vec<PoolTask>, String> {
+fn tasks(lease: &Lease, frame: &Arc<WorkFrame>, traces: &Traces) -> Result<Vec<PoolTask>, String> {
     let grid = frame.grid;
     let mut blocks = vec![SampleRange::default(); grid.block_count() as usize];
     for task in &lease.tiles {
         fill(&mut blocks, task, &grid)?;
     }
     let round = Arc::new(Round { index: lease.round, blocks });
+    let job: Arc<str> = Arc::from(lease.job.as_str());
     let task = |task: &TileTask| PoolTask {
         fence: lease.fence,
         tile: task.tile,
         frame: Arc::clone(frame),
         round: Arc::clone(&round),
+        trace: traces.parent(&task.traceparent).map(|parent| (parent, Arc::clone(&job), lease.frame)),
     };
     Ok(lease.tiles.iter().map(task).collect())
 }

@@ -11,8 +11,11 @@ use karst_core::film::Round;
 use karst_core::render::render_tile;
 use tokio::sync::mpsc;
 
+use crate::clock;
 use crate::digest::Digest;
 use crate::farm::worker::describe;
+use crate::model::Time;
+use crate::telemetry::traces::{Parent, Span, Traces};
 use crate::work::News;
 use crate::work::scenes::WorkFrame;
 
@@ -27,6 +30,8 @@ pub(crate) struct PoolTask {
     pub frame: Arc<WorkFrame>,
     /// The samples to take.
     pub round: Arc<Round>,
+    /// The span of the task at the server, and whose task it is there; `None` when nobody wants to know.
+    pub trace: Option<(Parent, Arc<str>, i32)>,
 }
 
 /// How a task ended.
@@ -45,6 +50,8 @@ pub(crate) enum Outcome {
 pub(crate) struct Pool {
     inner: Mutex<Inner>,
     changed: Condvar,
+    worker: String,
+    traces: Traces,
 }
 
 #[derive(Debug, Default)]
@@ -55,6 +62,11 @@ struct Inner {
 }
 
 impl Pool {
+    /// No threads yet; those of `worker`, and what they do goes to `traces`.
+    pub(crate) fn new(worker: &str, traces: Traces) -> Self {
+        Self { worker: worker.to_owned(), traces, ..Self::default() }
+    }
+
     /// Starts `threads` threads that tell `news` of what they finish.
     ///
     /// # Errors
@@ -111,13 +123,15 @@ impl Pool {
     )]
     fn run(&self, news: &mpsc::UnboundedSender<News>) {
         while let Some(task) = self.next() {
-            let began = Instant::now();
+            let (began, at) = (Instant::now(), clock::now());
             let rendered = catch_unwind(AssertUnwindSafe(|| {
                 let PoolTask { frame, round, tile, .. } = &task;
                 render_tile(&frame.scene, &frame.grid, *tile, round, &frame.stop)
             }));
+            let mut samples = 0;
             let outcome = match rendered {
                 Ok(Some(result)) => {
+                    samples = result.counters.samples;
                     let bytes = result.to_bytes();
                     let digest = Digest::of(&bytes);
                     Outcome::Done(bytes, digest, began.elapsed().as_secs_f64())
@@ -125,11 +139,27 @@ impl Pool {
                 Ok(None) => Outcome::Stopped,
                 Err(panic) => Outcome::Failed(describe(panic.as_ref())),
             };
+            self.tell(&task, &outcome, (at, samples));
             self.lock().running.retain(|(fence, tile, _)| (*fence, *tile) != (task.fence, task.tile));
             if news.send(News::Ended(task.fence, task.tile, outcome)).is_err() {
                 return;
             }
         }
+    }
+
+    /// Traces what a thread did since a time.
+    fn tell(&self, task: &PoolTask, outcome: &Outcome, (since, samples): (Time, u64)) {
+        let Some((parent, job, frame)) = &task.trace else { return };
+        let (outcome, failure) = match outcome {
+            Outcome::Done(..) => ("done", None),
+            Outcome::Failed(message) => ("failed", Some(message.clone())),
+            Outcome::Stopped => ("stopped", None),
+        };
+        self.traces.send(|| {
+            let place = (*frame, task.round.index, task.tile);
+            let span = Span::render(job, place, *parent, (since, clock::now()));
+            span.worker(&self.worker).samples(samples).ended(outcome, failure)
+        });
     }
 
     fn next(&self) -> Option<PoolTask> {

@@ -20,7 +20,7 @@ use karst_proto::v1::previews_client::PreviewsClient;
 use karst_proto::v1::upload_request::Part;
 use karst_proto::v1::workers_client::WorkersClient;
 use karst_proto::v1::{self, job_event};
-use karst_server::config::Config;
+use karst_server::config::{Collector, Config};
 use karst_server::digest::Digest;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -64,7 +64,15 @@ pub const LEASE: Duration = Duration::from_secs(2);
 
 /// What a server of the tests is told.
 pub fn config(data: &Path, workers: usize) -> Config {
-    Config { data: data.to_owned(), workers, lease: LEASE, tls: None, tokens_file: None, state: None }
+    Config {
+        data: data.to_owned(),
+        workers,
+        lease: LEASE,
+        tls: None,
+        tokens_file: None,
+        collector: Collector::default(),
+        state: None,
+    }
 }
 
 /// The local token of a data folder.
@@ -83,9 +91,13 @@ pub struct TestServer {
 
 impl TestServer {
     pub async fn start(data: &Path, workers: usize) -> Self {
+        Self::start_with(config(data, workers)).await
+    }
+
+    pub async fn start_with(config: Config) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
-        let config = config(data, workers);
+        let data = config.data.clone();
         let (stop, stopped) = oneshot::channel::<()>();
         let (ready, is_ready) = oneshot::channel();
         let served = tokio::spawn(async move {
@@ -95,7 +107,7 @@ impl TestServer {
             karst_server::serve(listener, config, ready, async move { drop(stopped.await) }).await
         });
         is_ready.await.expect("the server starts");
-        Self { url, token: token_of(data), stop: Some(stop), served }
+        Self { url, token: token_of(&data), stop: Some(stop), served }
     }
 
     pub async fn client(&self) -> Client {

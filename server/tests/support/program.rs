@@ -23,11 +23,17 @@ impl Program {
     }
 
     pub fn start_on(data: &Path, workers: u32, listen: &str) -> Self {
+        Self::start_in(data, workers, listen, &[])
+    }
+
+    /// With more in its environment.
+    pub fn start_in(data: &Path, workers: u32, listen: &str, environment: &[(&str, &str)]) -> Self {
         let mut child = Command::new(BIN)
             .args(["serve", "--log", "warn", "--lease", "2", "--listen", listen])
             .args(["--workers", &workers.to_string(), "--data"])
             .arg(data)
             .env("XDG_STATE_HOME", data.join("state"))
+            .envs(environment.iter().copied())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -46,6 +52,11 @@ impl Program {
         self.url.strip_prefix("http://").unwrap()
     }
 
+    /// SIGTERM, and how it ended.
+    pub fn terminate(mut self) -> ExitStatus {
+        terminate(&mut self.child)
+    }
+
     /// SIGKILL: nothing is flushed, nothing is closed.
     pub fn kill(mut self) {
         self.child.kill().unwrap();
@@ -60,6 +71,18 @@ impl Drop for Program {
     }
 }
 
+fn terminate(child: &mut Child) -> ExitStatus {
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
+    for _ in 0..200 {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    panic!("a program did not end");
+}
+
 /// A worker process; killed when it is dropped.
 pub struct Worker {
     child: Child,
@@ -68,20 +91,17 @@ pub struct Worker {
 impl Worker {
     /// With one thread; workers may share the folder `cache`.
     pub fn start(server: &Program, cache: &Path) -> Self {
+        Self::start_in(server, &server.url, cache, &[])
+    }
+
+    /// With more in its environment, and another way to the server.
+    pub fn start_in(server: &Program, url: &str, cache: &Path, environment: &[(&str, &str)]) -> Self {
         let child = Command::new(BIN)
-            .args([
-                "work",
-                "--threads",
-                "1",
-                "--log",
-                "warn",
-                "--grace",
-                "5",
-                "--server",
-                &server.url,
-                "--cache",
-            ])
+            .args(["work", "--threads", "1", "--log", "warn", "--grace", "5", "--server", url, "--cache"])
             .arg(cache)
+            .arg("--token-file")
+            .arg(server.data.join("token"))
+            .envs(environment.iter().copied())
             .env("XDG_STATE_HOME", server.data.join("state"))
             .spawn()
             .unwrap();
@@ -95,15 +115,7 @@ impl Worker {
 
     /// SIGTERM, and how it ended.
     pub fn terminate(mut self) -> ExitStatus {
-        let pid = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
-        for _ in 0..200 {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                return status;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        panic!("a worker did not end");
+        terminate(&mut self.child)
     }
 }
 
