@@ -51,6 +51,8 @@ struct Watched {
     updates: BoxStream<'static, Result<Update, Error>>,
     job: Job,
     frames: BTreeMap<i32, Frame>,
+    /// The frames are those of the final job.
+    complete: bool,
     connected: bool,
     talk: Talk,
 }
@@ -59,9 +61,12 @@ impl Watched {
     async fn begin(client: Client, job: &str, talk: Talk) -> Result<Self, Error> {
         let updates = client.watch(job, None).boxed();
         let job = Job { id: job.to_owned(), ..Job::default() };
-        let mut watched = Self { client, updates, job, frames: BTreeMap::new(), connected: true, talk };
+        let frames = BTreeMap::new();
+        let mut watched = Self { client, updates, job, frames, complete: false, connected: true, talk };
         // The watch begins with the job; what happens to a frame after that is not missed.
-        watched.next().await?;
+        while watched.job.spec.is_none() {
+            watched.next().await?;
+        }
         watched.list().await?;
         Ok(watched)
     }
@@ -72,35 +77,38 @@ impl Watched {
         Ok(())
     }
 
-    /// Waits for something to happen.
+    /// Waits for something to happen. May be dropped at any time: what was heard is kept before anything is waited for.
     async fn next(&mut self) -> Result<(), Error> {
+        if is_final(self.job.state()) && !self.complete {
+            self.list().await?;
+            self.complete = true;
+            return Ok(());
+        }
         match self.updates.next().await.transpose()? {
             Some(Update::Event(event)) => {
                 self.connected = true;
-                self.take(*event).await
+                self.take(*event);
             }
             Some(Update::Reconnecting { cause, .. }) => {
                 if std::mem::take(&mut self.connected) {
                     self.talk.say(&format_args!("connection lost ({cause}), trying again"));
                 }
-                Ok(())
             }
-            None => Err(Error::Failed(format!("{}: the watch ended before the frame did", self.job.id))),
+            None => {
+                let text = format!("{}: the watch ended before the frame did", self.job.id);
+                return Err(Error::Failed(text));
+            }
         }
+        Ok(())
     }
 
-    async fn take(&mut self, event: JobEvent) -> Result<(), Error> {
+    fn take(&mut self, event: JobEvent) {
         match event.event {
-            Some(Event::Snapshot(job)) => {
-                let ended = is_final(job.state());
-                self.job = job;
-                if ended { self.list().await } else { Ok(()) }
-            }
+            Some(Event::Snapshot(job)) => self.job = job,
             Some(Event::Frame(frame)) => {
                 self.frames.insert(frame.frame, frame);
-                Ok(())
             }
-            Some(Event::Round(_) | Event::Progress(_) | Event::Bookmark(_)) | None => Ok(()),
+            Some(Event::Round(_) | Event::Progress(_) | Event::Bookmark(_)) | None => {}
         }
     }
 

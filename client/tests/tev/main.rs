@@ -122,7 +122,7 @@ fn frames_follow_each_other_through_a_crash_of_the_server() {
 fn a_tev_that_does_not_read_holds_up_nobody() {
     let (farm, tev) = (Farm::start(), Tev::start());
     // Three layers of 1024 x 768 are more than a connection holds on its way.
-    let job = farm.submit(&json!({"spp": 8}), &["--frame", "1", "--size", "1024x768"]);
+    let job = farm.submit(&json!({"spp": 2}), &["--frame", "1", "--size", "1024x768"]);
     let layers = ["--layer", "color", "--layer", "albedo", "--layer", "normal"];
     let view = farm.view(&job, tev.address(), &layers);
     let mut seat = tev.accept();

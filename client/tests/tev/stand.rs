@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use crate::decode::{self, Packet, Screen};
 
 /// The longest that anything here may take, in seconds.
-const PATIENCE: &str = "60";
+const PATIENCE: &str = "180";
 
 /// A process that is killed when it is dropped.
 pub(crate) struct Process(Child);
@@ -188,7 +188,7 @@ impl Tev {
     /// Waits for the command to connect.
     pub(crate) fn accept(&self) -> Seat {
         let (stream, _) = self.0.accept().unwrap();
-        stream.set_read_timeout(Some(Duration::from_mins(1))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_mins(3))).unwrap();
         Seat { stream, screen: Screen::default(), bytes: Vec::new(), packets: 0 }
     }
 }
