@@ -12,7 +12,7 @@ use karst_core::scene::Overrides;
 use karst_proto::connect::bearer;
 
 pub(crate) use slurm::{
-    DownArgs, FramesArgs, MissingArgs, PreflightArgs, ShotArgs, SlurmCommand, StatusArgs, TaskArgs, UpArgs,
+    FramesArgs, MissingArgs, PilotsArgs, PreflightArgs, ShotArgs, SlurmCommand, TaskArgs, UpArgs,
 };
 pub(crate) use values::FrameList;
 use values::{crop, frames, positive, size, tile_size};
