@@ -13,7 +13,7 @@ use karst_proto::connect::{Bearer, bearer};
 use karst_proto::v1::PreviewLayer;
 
 pub(crate) use slurm::{
-    DownArgs, FramesArgs, MissingArgs, PreflightArgs, ShotArgs, SlurmCommand, StatusArgs, TaskArgs, UpArgs,
+    FramesArgs, MissingArgs, PilotsArgs, PreflightArgs, ShotArgs, SlurmCommand, TaskArgs, UpArgs,
 };
 pub(crate) use values::FrameList;
 use values::{address, crop, frames, positive, size, tile_size};

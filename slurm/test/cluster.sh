@@ -4,12 +4,12 @@ set -euo pipefail
 
 usage() {
   cat <<'TEXT'
-usage: slurm/test/cluster.sh up FOLDER [--nodes N] [--cpus N] | node FOLDER NAME | lose FOLDER NAME | down FOLDER
+usage: slurm/test/cluster.sh up FOLDER [--nodes N] [--cpus N] | lose FOLDER NAME | down FOLDER
 
   up     writes a configuration into FOLDER and starts munged, slurmctld and N times slurmd (3 nodes of 2 processors):
          export SLURM_CONF=FOLDER/slurm.conf, and sbatch, squeue and the others talk to it
-  node   starts the slurmd of one node again
-  lose   kills slurmd and slurmstepd of a node as a power cut would, but leaves what they started running
+  lose   kills slurmd and slurmstepd of a node as a crash would, leaves what they started running, and prints the ids
+         of those processes
   down   stops everything that `up` and the cluster's jobs started
 Exit code 69 when Slurm is not installed; with KARST_TEST_INSTALL=1 `up` installs it with apt.
 TEXT
@@ -114,10 +114,6 @@ PartitionName=urgent Nodes=ALL MaxTime=1:00:00 PriorityTier=10 PreemptMode=OFF S
 CONF
 }
 
-start_node() {
-  slurmd -f "$1/slurm.conf" -N "$2" -c
-}
-
 up() {
   local folder="$1" nodes="$2" cpus="$3" node
   install_slurm
@@ -128,7 +124,7 @@ up() {
   munged --force --key-file="$folder/munge.key" --socket="$folder/run/munge.sock" --pid-file="$folder/run/munged.pid" \
     --log-file="$folder/log/munged.log" --seed-file="$folder/run/munge.seed" --num-threads=2
   slurmctld -f "$folder/slurm.conf" -c
-  for node in $(seq "$nodes"); do start_node "$folder" "n$node"; done
+  for node in $(seq "$nodes"); do slurmd -f "$folder/slurm.conf" -N "n$node" -c; done
   export SLURM_CONF="$folder/slurm.conf"
   for _ in $(seq 150); do
     [ "$(sinfo -h -N -p batch -t idle -o %N 2>/dev/null | wc -l)" != "$nodes" ] || return 0
@@ -149,16 +145,20 @@ of_cluster() {
 }
 
 lose() {
-  local folder="$1" node="$2" job entry
+  local folder="$1" node="$2" job jobs entry
   export SLURM_CONF="$folder/slurm.conf"
   # The daemon of a step calls itself `slurmstepd: [JOB.batch]`.
-  for job in $(squeue -h -w "$node" -t RUNNING -o %A); do
+  jobs="$(squeue -h -w "$node" -t RUNNING -o %A)"
+  for job in $jobs; do
     for entry in /proc/[0-9]*; do
       [[ "$({ tr '\0' ' ' <"$entry/cmdline"; } 2>/dev/null)" != "slurmstepd: [$job."* ]] ||
         ! of_cluster "$folder" "${entry#/proc/}" SLURM_CONF || kill -9 "${entry#/proc/}"
     done
   done
   kill -9 "$(cat "$folder/run/slurmd-$node.pid")"
+  for entry in /proc/[0-9]*; do
+    ! of_cluster "$folder" "${entry#/proc/}" SLURM_JOB_ID || printf '%s\n' "${entry#/proc/}"
+  done
 }
 
 down() {
@@ -195,7 +195,6 @@ while [ $# -gt 0 ]; do
 done
 case "${rest[*]:0:1} ${#rest[@]}" in
   "up 2") mkdir -p "${rest[1]}" && up "$(realpath "${rest[1]}")" "$nodes" "$cpus" ;;
-  "node 3") start_node "$(realpath "${rest[1]}")" "${rest[2]}" ;;
   "lose 3") lose "$(realpath "${rest[1]}")" "${rest[2]}" ;;
   "down 2") down "$(realpath "${rest[1]}")" ;;
   *) usage >&2 && fail "${rest[*]:-nothing}: not understood" 64 ;;

@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use karst_client::DEFAULT_SERVER;
 
 use super::values::{FrameList, frames};
 use super::{DenoiseArg, ServerArgs, SettingsArgs, WorkArgs};
@@ -22,9 +23,9 @@ pub(crate) enum SlurmCommand {
     /// Submit workers for a server: pilot jobs that render its tiles until they are told to stop.
     Up(UpArgs),
     /// Show the workers of a server that wait and run on the cluster.
-    Status(StatusArgs),
+    Status(PilotsArgs),
     /// Stop the workers of a server: those that run hand back what they hold, those that wait are cancelled.
-    Down(DownArgs),
+    Down(PilotsArgs),
 }
 
 /// A scene, the folder of its frames, and how they are rendered.
@@ -161,16 +162,9 @@ pub(crate) struct UpArgs {
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct StatusArgs {
+pub(crate) struct PilotsArgs {
     /// Address of the server, as `karst slurm up` was given it.
-    #[arg(long, env = "KARST_SERVER", value_name = "URL", default_value = karst_client::DEFAULT_SERVER)]
-    pub(crate) server: String,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct DownArgs {
-    /// Address of the server, as `karst slurm up` was given it.
-    #[arg(long, env = "KARST_SERVER", value_name = "URL", default_value = karst_client::DEFAULT_SERVER)]
+    #[arg(long, env = "KARST_SERVER", value_name = "URL", default_value = DEFAULT_SERVER)]
     pub(crate) server: String,
 }
 
@@ -183,10 +177,9 @@ mod tests {
 
     fn shot(line: &[OsString]) -> ShotArgs {
         let command = ["karst", "slurm", "missing"].map(OsString::from);
-        match Cli::try_parse_from([&command, line].concat()).unwrap().command {
-            Command::Slurm(SlurmCommand::Missing(args)) => args.shot,
-            _ => panic!("expected `slurm missing`"),
-        }
+        let command = Cli::try_parse_from([&command, line].concat()).unwrap().command;
+        let Command::Slurm(SlurmCommand::Missing(args)) = command else { panic!("expected `slurm missing`") };
+        args.shot
     }
 
     #[test]

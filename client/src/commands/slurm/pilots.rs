@@ -13,7 +13,7 @@ use serde_json::json;
 use super::queue::{Tasks, running_and_waiting, states, tasks};
 use super::ranges::{chunks, compress};
 use super::tools;
-use crate::args::{DownArgs, ServerArgs, StatusArgs, UpArgs};
+use crate::args::{PilotsArgs, ServerArgs, UpArgs};
 use crate::talk::Talk;
 
 /// Name of the jobs.
@@ -69,7 +69,7 @@ fn absolute(path: &Path) -> Result<OsString, Error> {
     std::path::absolute(path).map(Into::into).map_err(|source| Error::file(path, source))
 }
 
-pub(super) fn status(args: &StatusArgs, talk: Talk) -> Result<(), Error> {
+pub(super) fn status(args: &PilotsArgs, talk: Talk) -> Result<(), Error> {
     let server = args.server.trim_end_matches('/');
     let mut tasks = tasks(NAME, &comment(server))?;
     tasks.retain(|tasks| tasks.are_alive() || tasks.are_failed());
@@ -94,7 +94,7 @@ fn line(tasks: &Tasks) -> String {
     format!("{name:<16}  {state:<10}  {place:<16}  {restarts} restarts")
 }
 
-pub(super) fn down(args: &DownArgs, talk: Talk) -> Result<(), Error> {
+pub(super) fn down(args: &PilotsArgs, talk: Talk) -> Result<(), Error> {
     let server = args.server.trim_end_matches('/');
     let tasks = tasks(NAME, &comment(server))?;
     let (workers, waiting) = running_and_waiting(&tasks);

@@ -11,14 +11,14 @@ use serde_json::json;
 use tempfile::{NamedTempFile, TempDir};
 
 use super::shot::Shot;
-use crate::args::{RenderArgs, ShotArgs, TaskArgs};
+use crate::args::{FrameList, RenderArgs, ShotArgs, TaskArgs};
 use crate::commands::render::{render_each, tell};
 use crate::talk::Talk;
 
 pub(super) fn run(args: &TaskArgs, talk: Talk) -> Result<(), Error> {
     let shot = Shot::open(&args.shot)?;
     let frame = args.frame;
-    shot.chosen(Some(crate::args::FrameList::one(frame)))?;
+    shot.chosen(Some(FrameList::one(frame)))?;
     let Some(why) = shot.lacks(frame) else {
         let text = format!("frame {frame} is complete: nothing to do");
         talk.result(&text, &json!({"event": "skipped", "frame": frame}));

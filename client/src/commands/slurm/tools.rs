@@ -24,12 +24,14 @@ pub(super) fn call<S: AsRef<OsStr>>(program: &str, line: &[S]) -> Result<String,
     let mut command = Command::new(program);
     // Else squeue abbreviates long arrays.
     command.args(line).env("SLURM_BITSTR_LEN", "0").stdin(Stdio::null());
-    let output = command.output().map_err(|error| match error.kind() {
-        ErrorKind::NotFound => Error::Failed(format!(
-            "{program}: no such program here: run this where Slurm's commands are, usually a login node of the \
-             cluster (perhaps after `module load slurm`)"
-        )),
-        _ => Error::Failed(format!("{program}: {error}")),
+    let output = command.output().map_err(|error| {
+        let remedy = if error.kind() == ErrorKind::NotFound {
+            ": run this where Slurm's commands are, usually a login node of the cluster (perhaps after `module load \
+             slurm`)"
+        } else {
+            ""
+        };
+        Error::Failed(format!("{program}: {error}{remedy}"))
     })?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
     if output.status.success() {
