@@ -1,5 +1,6 @@
 //! Owns how it is going: samples per second and the time that is left, for people to look at.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use karst_core::scene::Goal;
@@ -8,25 +9,33 @@ use crate::farm::feed::Progress;
 use crate::farm::jobs::{LiveJob, LiveJobs, Rendering, Stage};
 use crate::farm::live::LiveFrame;
 
+/// Periods over which the speed is taken: results come tile by tile, which on slow scenes is every few seconds.
+const PERIODS: usize = 60;
+
 /// Measures the speed of a job.
 #[derive(Debug, Default)]
 pub(crate) struct Meter {
     last: Option<(i32, u64)>,
-    per_second: f64,
+    /// Samples of each of the last periods, from the first result on.
+    recent: VecDeque<u64>,
 }
 
 impl Meter {
-    /// Takes the samples of the frame after another `period`; the speed is a mean over some seconds.
+    /// Takes the samples of the frame after another `period`; the samples per second over the last ones, 0 while
+    /// there are none.
     fn update(&mut self, frame: i32, samples: u64, period: Duration) -> f64 {
-        if let Some((last_frame, last)) = self.last
-            && last_frame == frame
+        let before = self.last.replace((frame, samples)).filter(|(last_frame, _)| *last_frame == frame);
+        // Another frame says nothing about the speed.
+        if let Some(new) = before.map(|(_, last)| samples.saturating_sub(last))
+            && (new > 0 || !self.recent.is_empty())
         {
-            let now = samples.saturating_sub(last) as f64 / period.as_secs_f64();
-            let weight = if self.per_second > 0.0 { 0.2 } else { 1.0 };
-            self.per_second += weight * (now - self.per_second);
+            self.recent.push_back(new);
         }
-        self.last = Some((frame, samples));
-        self.per_second
+        if self.recent.len() > PERIODS {
+            self.recent.pop_front();
+        }
+        let seconds = self.recent.len() as f64 * period.as_secs_f64();
+        if seconds > 0.0 { self.recent.iter().sum::<u64>() as f64 / seconds } else { 0.0 }
     }
 }
 
@@ -78,12 +87,25 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn speed_settles_and_survives_the_change_of_frames() {
+    fn speed_is_a_mean_that_survives_the_change_of_frames() {
         let mut meter = Meter::default();
         let half = Duration::from_millis(500);
         assert_eq!(meter.update(1, 100, half), 0.0);
+        assert_eq!(meter.update(1, 100, half), 0.0, "nothing has come yet");
         assert_eq!(meter.update(1, 200, half), 200.0);
-        assert_eq!(meter.update(2, 0, half), 200.0, "another frame says nothing about the speed");
-        assert!(meter.update(2, 50, half) < 200.0);
+        assert_eq!(meter.update(2, 0, half), 200.0);
+        assert_eq!(meter.update(2, 50, half), 150.0);
+    }
+
+    #[test]
+    fn results_that_come_in_bursts_do_not_let_the_speed_jump() {
+        let mut meter = Meter::default();
+        let half = Duration::from_millis(500);
+        let mut found = Vec::new();
+        for period in 0..200_u64 {
+            // A tile of 1000 samples every ten periods.
+            found.push(meter.update(1, period / 10 * 1000, half));
+        }
+        assert!(found[60..].iter().all(|speed| (speed - 200.0).abs() < 40.0), "{found:?}");
     }
 }
