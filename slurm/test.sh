@@ -279,12 +279,12 @@ for line in sys.stdin: print(json.loads(line)["id"])'); do
 lost_under_a_pilot() {
   step "a film of a minute through three pilots: one is requeued, one loses its node"
   local job node begin=$SECONDS
-  "$karst" render "$scene" -o "$work/minute.exr" --frames 1-8 --spp 96 2>/dev/null >&2
+  "$karst" render "$scene" -o "$work/minute.exr" --frames 1-8 --spp 180 2>/dev/null >&2
   say "karst render took $((SECONDS - begin)) s"
   job="$("$karst" slurm up --server "$url" --workers 3 -- --exclusive -o again-%a.log 2>/dev/null)"
   until_true 30 "three pilots run" runs 3
   begin=$SECONDS
-  through minute-served 1-8 96
+  through minute-served 1-8 180
   sleep 5
   scontrol requeue "${job}_0"
   node="$(node_of "${job}_2")"

@@ -1,9 +1,10 @@
 //! `karst slurm` from outside, with programs of a cluster that only write down how they were called.
 #![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
+use std::io::{BufRead as _, BufReader};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -163,6 +164,26 @@ fn a_frame_is_missing_for_each_of_its_reasons() {
     let scene = std::fs::read_to_string(place.path("ball.json")).unwrap();
     std::fs::write(place.path("ball.json"), scene.replace("0.4", "0.6")).unwrap();
     assert_eq!(missing(&[]), "1-9", "another scene");
+}
+
+#[test]
+fn a_scene_that_changes_under_a_frame_leaves_nothing() {
+    let place = Place::new();
+    let mut task = Command::new(env!("CARGO_BIN_EXE_karst"))
+        .args(["slurm", "render", "ball.json", "-o", "film", "--frame", "1", "--spp", "5000"])
+        .current_dir(place.0.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(task.stderr.take().unwrap()).lines();
+    assert!(lines.next().unwrap().unwrap().ends_with("rendering"));
+    let scene = std::fs::read_to_string(place.path("ball.json")).unwrap();
+    std::fs::write(place.path("ball.json"), scene.replace("0.4", "0.6")).unwrap();
+    let said: Vec<String> = lines.map(Result::unwrap).collect();
+    assert_eq!(task.wait().unwrap().code(), Some(1));
+    assert!(said.join("\n").contains("the scene changed while frame 1 was rendered"), "{said:?}");
+    assert_eq!(std::fs::read_dir(place.path("film")).unwrap().count(), 0);
 }
 
 #[test]
