@@ -56,14 +56,14 @@ clean_up() {
 trap clean_up EXIT
 trap 'exit 130' INT TERM
 
-step "a cluster of three nodes"
 said=0
 "$here/test/cluster.sh" up "$work/cluster" 2>"$work/up.txt" || said=$?
 if [ "$said" = 69 ]; then
-  say "skipped: $(cat "$work/up.txt")"
+  say "skipped: $(sed 's/^error: //' "$work/up.txt")"
   exit 0
 fi
 [ "$said" = 0 ] || fail "the cluster did not come up: $(cat "$work/up.txt")"
+step "a cluster of three nodes: up after $SECONDS s"
 export SLURM_CONF="$work/cluster/slurm.conf" XDG_STATE_HOME="$work/state" PATH="$bin:$PATH" TMPDIR="$work/tmp"
 unset KARST_SERVER KARST_TOKEN_FILE KARST_CA_FILE
 mkdir "$TMPDIR"
