@@ -1,15 +1,15 @@
-//! Owns the stored films that are in memory for those who look: each once, however many look at it.
+//! Owns the stored films, and which of them are in memory for those who look: each once, however many look at it.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use karst_core::film::Film;
 use tokio::sync::Semaphore;
+use tokio::task::spawn_blocking;
 
-use crate::blobs::Blobs;
+use crate::blobs::{Blobs, Kind};
 use crate::digest::Digest;
 use crate::error::Error;
-use crate::farm::prepare::read_film;
 
 /// Films that are read at the same time: each may be large.
 const READING: usize = 4;
@@ -62,4 +62,13 @@ impl Films {
         known.last = Some(Arc::clone(&film));
         Some(film)
     }
+}
+
+/// A stored film.
+///
+/// # Errors
+/// [`Error::Gone`], [`Error::Corrupt`], a failing disk.
+pub(crate) async fn read_film(blobs: &Blobs, digest: Digest) -> Result<Film, Error> {
+    let bytes = blobs.get(Kind::Film, digest).await?;
+    spawn_blocking(move || Film::from_bytes(&bytes).map_err(|_| Error::Corrupt(digest))).await?
 }

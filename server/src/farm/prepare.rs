@@ -19,6 +19,7 @@ use crate::error::Error;
 use crate::farm::ledger::unpack;
 use crate::farm::live::{LiveFrame, Merged, Vote};
 use crate::farm::queue::SERVER;
+use crate::films::read_film;
 use crate::past::Past;
 use crate::spec::{Frames, JobSpec};
 use crate::state::{State, StoredRound};
@@ -214,15 +215,6 @@ pub(crate) async fn read_stored(blobs: &Blobs, stored: StoredRound) -> Result<Su
         }
     }
     Ok(survived)
-}
-
-/// A stored film.
-///
-/// # Errors
-/// [`Error::Gone`], [`Error::Corrupt`], a failing disk.
-pub(crate) async fn read_film(blobs: &Blobs, digest: Digest) -> Result<Film, Error> {
-    let bytes = blobs.get(Kind::Film, digest).await?;
-    spawn_blocking(move || Film::from_bytes(&bytes).map_err(|_| Error::Corrupt(digest))).await?
 }
 
 fn restore(place: (i64, Arc<str>, i32), scene: Arc<Scene>, tile_size: u32, survived: Survived) -> Opened {
