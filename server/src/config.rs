@@ -52,6 +52,20 @@ pub struct Collector {
     pub ca_file: Option<PathBuf>,
 }
 
+/// What a program tells about itself while it runs.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Told {
+    /// Where traces go.
+    #[command(flatten)]
+    pub collector: Collector,
+    /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
+    #[arg(long, env = "KARST_LOG", default_value = "info")]
+    pub log: String,
+    /// How to log.
+    #[arg(long, env = "KARST_LOG_FORMAT", value_enum, default_value_t = LogFormat::Text)]
+    pub log_format: LogFormat,
+}
+
 /// Options of `health`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Health {
@@ -119,15 +133,9 @@ pub struct Serve {
     #[arg(long, env = "KARST_LEASE", default_value_t = 30, value_name = "SECONDS",
           value_parser = clap::value_parser!(u32).range(1..=3600))]
     pub lease: u32,
-    /// Where traces go.
+    /// What the program tells about itself.
     #[command(flatten)]
-    pub collector: Collector,
-    /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
-    #[arg(long, env = "KARST_LOG", default_value = "info")]
-    pub log: String,
-    /// How to log.
-    #[arg(long, env = "KARST_LOG_FORMAT", value_enum, default_value_t = LogFormat::Text)]
-    pub log_format: LogFormat,
+    pub told: Told,
 }
 
 impl Serve {
@@ -167,7 +175,7 @@ impl Serve {
             workers: self.workers.map_or(processors, |n| n as usize),
             lease: Duration::from_secs(self.lease.into()),
             tokens_file: self.tokens_file.clone(),
-            collector: self.collector.clone(),
+            collector: self.told.collector.clone(),
             state: state_home(),
         })
     }
@@ -201,15 +209,9 @@ pub struct Work {
     /// Seconds to look for a server that is away before giving up; 0 looks for ever.
     #[arg(long, env = "KARST_PATIENCE", default_value_t = 0, value_name = "SECONDS")]
     pub patience: u32,
-    /// Where traces go.
+    /// What the program tells about itself.
     #[command(flatten)]
-    pub collector: Collector,
-    /// What to log on stderr, as in `info` or `karst_server=debug,warn`.
-    #[arg(long, env = "KARST_LOG", default_value = "info")]
-    pub log: String,
-    /// How to log.
-    #[arg(long, env = "KARST_LOG_FORMAT", value_enum, default_value_t = LogFormat::Text)]
-    pub log_format: LogFormat,
+    pub told: Told,
 }
 
 impl Work {
@@ -228,7 +230,7 @@ impl Work {
             grace: seconds(self.grace),
             patience: (self.patience > 0).then(|| seconds(self.patience)),
             host: host(),
-            collector: self.collector.clone(),
+            collector: self.told.collector.clone(),
         }
     }
 }

@@ -14,7 +14,7 @@ use hyper_util::service::TowerToHyperService;
 use rustls::ServerConfig;
 use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
-use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::io::{AsyncBufReadExt as _, AsyncRead, AsyncWrite, BufReader};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
 use tokio_rustls::TlsAcceptor;
@@ -93,6 +93,15 @@ where
         .timer(TokioTimer::new())
         .header_read_timeout(PATIENCE)
         .max_buf_size(MAX_HEADER_BYTES as usize);
+    // Which protocol it is shows in the first bytes, for which hyper would wait for ever.
+    let mut stream = BufReader::new(stream);
+    let begun = tokio::select! {
+        begun = timeout(PATIENCE, stream.fill_buf()) => begun.is_ok(),
+        () = ending.cancelled() => false,
+    };
+    if !begun {
+        return;
+    }
     let service = TowerToHyperService::new(routes);
     let mut connection = pin!(builder.serve_connection_with_upgrades(TokioIo::new(stream), service));
     let served = tokio::select! {

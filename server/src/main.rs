@@ -19,8 +19,8 @@ fn main() -> ExitCode {
     }
     let command = Cli::parse().command;
     let (log, format) = match &command {
-        Command::Serve(options) => (&*options.log, options.log_format),
-        Command::Work(options) => (&*options.log, options.log_format),
+        Command::Serve(options) => (&*options.told.log, options.told.log_format),
+        Command::Work(options) => (&*options.told.log, options.told.log_format),
         Command::Token(options) => return token(options),
         Command::Health(_) => ("off", LogFormat::Text),
     };

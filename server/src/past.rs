@@ -7,27 +7,38 @@ use serde::{Deserialize, Serialize};
 
 /// Failures after which a task is not tried again, if they happened at two workers or there is only one.
 const MAX_FAILED: usize = 3;
-/// Workers that may vanish with a task in hand.
+/// Workers that may vanish with a task in hand, where they seldom vanish.
 const MAX_LOST: u32 = 3;
+/// Where they vanish all the time: so many more than expected, in standard deviations of the number that chance
+/// brings (a Poisson number).
+const BEYOND_CHANCE: f64 = 4.0;
+/// More is too much in any case.
+const MOST_LOST: u32 = 30;
 
 /// What has gone wrong with a task.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Past {
     /// At which workers it failed, once for each time.
     pub failed: Vec<String>,
     /// How often a worker vanished that was rendering it.
     pub lost: u32,
+    /// How often that was to be expected, as often as workers vanish anyway.
+    #[serde(default)]
+    pub expected_losses: f64,
     /// How often it was handed back.
     pub interrupted: u32,
 }
 
 /// What happened to a task that was not finished.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Trouble {
     /// It cannot be rendered, because of this.
     Failed(String),
     /// The worker vanished.
-    Lost,
+    Lost {
+        /// How many losses chance alone would have brought meanwhile.
+        expected: f64,
+    },
     /// The worker was told to end, or never began it.
     Interrupted,
 }
@@ -37,7 +48,10 @@ impl Past {
     pub(crate) fn add(&mut self, worker: &str, trouble: &Trouble) {
         match trouble {
             Trouble::Failed(_) => self.failed.push(worker.to_owned()),
-            Trouble::Lost => self.lost += 1,
+            Trouble::Lost { expected } => {
+                self.lost += 1;
+                self.expected_losses += expected;
+            }
             Trouble::Interrupted => self.interrupted += 1,
         }
     }
@@ -54,7 +68,8 @@ impl Past {
 
     /// Why it is not tried again, where `workers` could try it; `None` while it is.
     pub(crate) fn given_up(&self, workers: usize) -> Option<String> {
-        if self.lost >= MAX_LOST {
+        let by_chance = self.expected_losses + BEYOND_CHANCE * self.expected_losses.sqrt();
+        if self.lost >= MOST_LOST || (self.lost >= MAX_LOST && f64::from(self.lost) > by_chance) {
             return Some(format!("{} workers vanished while they rendered it", self.lost));
         }
         let enough = self.failed.len() >= MAX_FAILED && (self.places() >= 2 || workers <= 1);
@@ -82,6 +97,24 @@ mod tests {
         Trouble::Failed("why".into())
     }
 
+    fn lost(expected: f64) -> Trouble {
+        Trouble::Lost { expected }
+    }
+
+    #[test]
+    fn losses_say_little_where_workers_vanish_all_the_time() {
+        // Workers that live as long as a tile takes.
+        assert_eq!(after(&vec![("a", lost(0.8)); 20]).given_up(9), None);
+        assert!(after(&vec![("a", lost(0.8)); 30]).given_up(9).is_some(), "there is an end to everything");
+        // A tile that kills within a second, where one worker in a hundred seconds vanishes anyway.
+        assert!(after(&vec![("a", lost(0.01)); 3]).given_up(9).is_some());
+        // It kills while everybody is being killed, and goes on when that is over.
+        let mut past = after(&vec![("a", lost(0.5)); 4]);
+        assert_eq!(past.given_up(9), None);
+        (0..5).for_each(|_| past.add("a", &lost(0.0)));
+        assert!(past.given_up(9).is_some());
+    }
+
     #[test]
     fn three_failures_at_two_workers_are_enough() {
         assert_eq!(after(&[("a", failed()), ("b", failed())]).given_up(5), None);
@@ -104,9 +137,8 @@ mod tests {
 
     #[test]
     fn losses_count_and_interruptions_do_not() {
-        assert!(
-            after(&[("a", Trouble::Lost), ("b", Trouble::Lost), ("c", Trouble::Lost)]).given_up(9).is_some()
-        );
+        assert!(after(&vec![("a", lost(0.0)); 3]).given_up(9).is_some());
+        assert!(after(&vec![("a", lost(0.0)); 2]).given_up(9).is_none());
         let often = after(&vec![("a", Trouble::Interrupted); 1000]);
         assert_eq!(often.given_up(1), None);
         assert!(!often.is_suspect());

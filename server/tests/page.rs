@@ -167,6 +167,22 @@ async fn only_who_may_look_gets_in() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_connection_that_says_nothing_is_closed() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = TestServer::start(dir.path(), 0).await;
+    let address = server.url.strip_prefix("http://").unwrap();
+    let mut silent = TcpStream::connect(address).await.unwrap();
+    let mut half = TcpStream::connect(address).await.unwrap();
+    half.write_all(b"GET / HTTP/1.1\r\nHost: local").await.unwrap();
+    let mut rest = Vec::new();
+    for stream in [&mut silent, &mut half] {
+        let end = tokio::time::timeout(Duration::from_secs(30), stream.read_to_end(&mut rest)).await;
+        end.expect("the server closes it").unwrap();
+    }
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn metrics_are_for_those_who_may_look() {
     let dir = tempfile::tempdir().unwrap();
     let server = TestServer::start(dir.path(), 0).await;

@@ -4,6 +4,7 @@
 //! from one that nobody asked for. Everything else here is in memory: after a crash all open tasks are open again,
 //! and a worker that comes back with its leases takes their tasks out of the queue again.
 
+mod hazard;
 mod roster;
 
 pub(crate) use roster::WorkerStanding;
@@ -16,6 +17,7 @@ use tokio::time::Instant;
 
 use crate::clock;
 use crate::farm::batch::{Pace, batch};
+use crate::farm::fleet::hazard::{Hazard, WINDOW};
 use crate::farm::live::Live;
 use crate::farm::queue::{Queue, Task};
 use crate::past::{Past, Trouble};
@@ -113,6 +115,8 @@ struct Worker {
     threads: u32,
     draining: bool,
     sequence: u64,
+    /// When it came.
+    since: Instant,
     seen: Instant,
     lost: bool,
     blocked: Option<String>,
@@ -140,6 +144,7 @@ struct Inner {
     held: BTreeMap<u64, Held>,
     /// Leases from before the server started, whose frames are not ready yet.
     earlier: BTreeMap<u64, StoredLease>,
+    hazard: Hazard,
     next: u64,
 }
 
@@ -280,8 +285,8 @@ impl Fleet {
     pub(crate) fn sweep(&self) -> Vec<(String, Task, Trouble)> {
         let mut inner = self.lock();
         let now = Instant::now();
-        let mut troubles = Vec::new();
-        let Inner { workers, held, .. } = &mut *inner;
+        let mut back = Vec::new();
+        let Inner { workers, held, hazard, .. } = &mut *inner;
         for (id, worker) in workers.iter_mut() {
             if worker.lost || now.duration_since(worker.seen) < self.ttl {
                 continue;
@@ -292,12 +297,18 @@ impl Fleet {
                 .values_mut()
                 .filter(|h| h.worker == *id && !h.tasks.is_empty())
                 .inspect(|_| self.telemetry.counts.expirations.inc());
-            troubles.extend(
-                of_worker
-                    .flat_map(|h| h.expire(worker.threads as usize))
-                    .map(|(t, why)| (id.clone(), t, why)),
-            );
+            let given_up: Vec<GivenUp> = of_worker.flat_map(|h| h.expire(worker.threads as usize)).collect();
+            if !worker.draining {
+                hazard.add(now, given_up.iter().filter(|g| g.begun).map(|g| &g.task));
+            }
+            back.extend(given_up.into_iter().map(|g| (id.clone(), g)));
         }
+        let watched = workers.values().map(|w| w.there(now, self.ttl)).sum();
+        let trouble = |(id, GivenUp { task, begun, held }): (String, GivenUp)| {
+            let expected = hazard.expected(&task, held, watched);
+            (id, task, if begun { Trouble::Lost { expected } } else { Trouble::Interrupted })
+        };
+        let troubles = back.into_iter().map(trouble).collect();
         held.retain(|_, h| {
             let is_current = h.given.iter().any(Task::is_current);
             if !is_current {
@@ -333,6 +344,14 @@ impl Fleet {
     }
 }
 
+/// A task whose worker was not heard of in time.
+struct GivenUp {
+    task: Task,
+    begun: bool,
+    /// Since it was given.
+    held: Duration,
+}
+
 impl Held {
     fn new(worker: &str, tasks: Vec<Task>, stored: bool) -> Self {
         let worker = worker.to_owned();
@@ -356,16 +375,22 @@ impl Held {
     }
 
     /// Takes back what is not reported. Tasks are done in order, one a thread: those behind were not begun.
-    fn expire(&mut self, threads: usize) -> Vec<(Task, Trouble)> {
+    fn expire(&mut self, threads: usize) -> Vec<GivenUp> {
         self.expired = true;
+        let held = self.granted.elapsed();
         let tasks = std::mem::take(&mut self.tasks).into_iter().filter(Task::is_open).enumerate();
-        tasks
-            .map(|(i, task)| (task, if i < threads { Trouble::Lost } else { Trouble::Interrupted }))
-            .collect()
+        tasks.map(|(i, task)| GivenUp { task, begun: i < threads, held }).collect()
     }
 }
 
 impl Worker {
+    /// How long it was there within the last minutes; a worker that vanished was there until it was given up.
+    fn there(&self, now: Instant, ttl: Duration) -> Duration {
+        let until = now.min(self.seen + ttl);
+        let from = now.checked_sub(WINDOW).map_or(self.since, |begin| begin.max(self.since));
+        until.saturating_duration_since(from)
+    }
+
     fn renders(&self) -> bool {
         !self.draining && !self.lost && self.blocked.is_none()
     }
@@ -380,6 +405,7 @@ impl Inner {
                 threads: caller.threads,
                 draining: false,
                 sequence: 0,
+                since: Instant::now(),
                 seen: Instant::now(),
                 lost: false,
                 blocked: None,

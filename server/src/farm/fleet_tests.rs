@@ -120,7 +120,7 @@ async fn a_silent_worker_loses_what_it_began_and_its_late_result_still_counts() 
     let lease = s.fleet.grant("a", 2).unwrap();
     assert!(lease.tasks.len() > 2, "it is fast: {}", lease.tasks.len());
     let troubles = s.fleet.sweep();
-    let lost = troubles.iter().filter(|(_, _, t)| *t == Trouble::Lost).count();
+    let lost = troubles.iter().filter(|(_, _, t)| matches!(t, Trouble::Lost { .. })).count();
     assert_eq!((troubles.len(), lost), (lease.tasks.len(), 2), "one a thread was begun");
     assert!(s.fleet.sweep().is_empty(), "each loss is told once");
     assert!(matches!(s.fleet.find("a", lease.fence, lease.tasks[0].tile, &s.live), Found::Task(_)));

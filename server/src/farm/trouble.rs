@@ -79,7 +79,7 @@ impl Farm {
 fn outcome(trouble: &Trouble) -> Outcome {
     match trouble {
         Trouble::Failed(_) => Outcome::Failed,
-        Trouble::Lost => Outcome::Lost,
+        Trouble::Lost { .. } => Outcome::Lost,
         Trouble::Interrupted => Outcome::Interrupted,
     }
 }
@@ -89,7 +89,7 @@ fn quarantined(task: &Task, reason: &str, last: &Trouble) -> String {
     let region = task.frame.grid.tile_region(task.tile);
     let last = match last {
         Trouble::Failed(message) => format!(", the last time with: {message}"),
-        Trouble::Lost | Trouble::Interrupted => String::new(),
+        Trouble::Lost { .. } | Trouble::Interrupted => String::new(),
     };
     format!(
         "tile {} of round {} is not tried again: {reason}{last}; \

@@ -1,5 +1,7 @@
 //! Owns the set-up of log lines.
 
+use std::io::IsTerminal as _;
+
 use tracing_subscriber::EnvFilter;
 
 use crate::config::LogFormat;
@@ -10,7 +12,10 @@ use crate::config::LogFormat;
 /// The filter is malformed.
 pub fn init(filter: &str, format: LogFormat) -> Result<(), String> {
     let parsed = EnvFilter::try_new(filter).map_err(|e| format!("--log {filter:?}: {e}"))?;
-    let logger = tracing_subscriber::fmt().with_env_filter(parsed).with_writer(std::io::stderr);
+    let logger = tracing_subscriber::fmt()
+        .with_env_filter(parsed)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
     match format {
         LogFormat::Text => logger.init(),
         LogFormat::Json => logger.json().init(),
