@@ -46,6 +46,8 @@ trap 'exit 130' INT TERM
 start() {
   local name="$1"
   shift
+  # Emptied before the process exists: whoever waits for a line must not find that of an earlier start.
+  : >"$work/$name.log"
   "$@" >"$work/$name.log" 2>&1 &
   last=$!
   started+=("$last")
