@@ -1,19 +1,48 @@
 //! Owns how surfaces scatter light: an enum of materials' models, ready at a hit point, in the local frame.
 //!
-//! `wo` points to where the light goes, `wi` to where it comes from, both away from the surface; z is the shading
-//! normal, turned to the side of `wo`. Densities are per solid angle. A model knows nothing of scenes.
+//! `wo` points to where the light goes, `wi` to where it comes from, both away from the surface and of unit length; z is
+//! the shading normal, x the direction of u. The outside is above (z > 0), so an index of refraction is that of the side
+//! below. Which side a direction is on is told by its z: whoever calls drops pairs that the geometric normal sees on
+//! other sides. Densities are per solid angle and cover every lobe. A model knows nothing of scenes.
 
+mod conductor;
+mod dielectric;
 mod diffuse;
+mod fresnel;
+mod microfacet;
+mod mirror;
+mod plastic;
+mod principled;
+mod thin_dielectric;
 
+pub use conductor::Conductor;
+pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use microfacet::{Distribution, Microfacets};
+pub use mirror::Mirror;
+pub use plastic::{Coat, Plastic};
+pub use principled::{Lobes, Parameters, Principled};
+pub use thin_dielectric::ThinDielectric;
 
 use glam::{Vec2, Vec3};
 
 /// A material at a point: parameters read, textures looked up.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Bsdf {
     /// Lambert's law.
     Diffuse(Diffuse),
+    /// The Disney BSDF, or one of its lobes.
+    Principled(Principled),
+    /// Glass.
+    Dielectric(Dielectric),
+    /// A thin pane of glass.
+    ThinDielectric(ThinDielectric),
+    /// A metal.
+    Conductor(Conductor),
+    /// A diffuse base under a coat.
+    Plastic(Plastic),
+    /// A perfect mirror.
+    Mirror(Mirror),
 }
 
 /// A sampled direction.
@@ -21,41 +50,72 @@ pub enum Bsdf {
 pub struct BsdfSample {
     /// Where the light comes from, unit length.
     pub wi: Vec3,
-    /// `f(wo, wi) · |cos θi| / pdf`.
+    /// `f(wo, wi) · |cos θi| / pdf`, over all lobes; of light that changes sides with the factor that radiance gets
+    /// there, 1/η².
     pub weight: Vec3,
-    /// Density of `wi` over all lobes.
+    /// Density of `wi` over all lobes; infinite for a direction that only this lobe can have found: a mirror's.
     pub pdf: f32,
+    /// Square of the index of refraction of the side of `wi`, in units of that of the side of `wo`; 1 where light stays
+    /// on its side.
+    pub eta2: f32,
+}
+
+impl BsdfSample {
+    /// Light that stays on its side.
+    fn reflected(wi: Vec3, weight: Vec3, pdf: f32) -> Self {
+        Self { wi, weight, pdf, eta2: 1.0 }
+    }
+}
+
+macro_rules! each {
+    ($self:ident, $b:ident => $call:expr) => {
+        match $self {
+            Self::Diffuse($b) => $call,
+            Self::Principled($b) => $call,
+            Self::Dielectric($b) => $call,
+            Self::ThinDielectric($b) => $call,
+            Self::Conductor($b) => $call,
+            Self::Plastic($b) => $call,
+            Self::Mirror($b) => $call,
+        }
+    };
 }
 
 impl Bsdf {
-    /// `f(wo, wi) · |cos θi|`; 0 where nothing is scattered.
+    /// `f(wo, wi) · |cos θi|`; 0 where nothing is scattered. Lobes of a single direction are not in it.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        match self {
-            Self::Diffuse(b) => b.eval(wo, wi),
-        }
+        each!(self, b => b.eval(wo, wi))
     }
 
-    /// Density with which [`Bsdf::sample`] chooses `wi`.
+    /// Density with which [`Bsdf::sample`] chooses `wi`. Lobes of a single direction are not in it.
     #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        match self {
-            Self::Diffuse(b) => b.pdf(wo, wi),
-        }
+        each!(self, b => b.pdf(wo, wi))
     }
 
-    /// Chooses `wi`; `None` when the light is absorbed.
+    /// Chooses `wi`: `lobe` decides which lobe, `u` which direction. `None` when the light is absorbed.
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
-        match self {
-            Self::Diffuse(b) => b.sample(wo, u),
-        }
+    pub fn sample(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        each!(self, b => b.sample(wo, lobe, u))
     }
 
     /// Colour of the surface under white light from all sides, 0..1: the albedo layer.
-    pub fn albedo(&self) -> Vec3 {
-        match self {
-            Self::Diffuse(b) => b.reflectance,
-        }
+    pub fn albedo(&self, wo: Vec3) -> Vec3 {
+        each!(self, b => b.albedo(wo)).clamp(Vec3::ZERO, Vec3::ONE)
+    }
+
+    /// Whether every lobe has a single direction: then lights are found by following it and not by sampling them, and
+    /// auxiliary layers show what is behind.
+    #[inline]
+    pub fn is_delta(&self) -> bool {
+        each!(self, b => b.is_delta())
+    }
+
+    /// Whether light from the other side is scattered too.
+    #[inline]
+    pub fn transmits(&self) -> bool {
+        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_))
+            || matches!(self, Self::Principled(p) if p.transmits())
     }
 }

@@ -8,7 +8,7 @@ use crate::scene::document::problem::Problem;
 pub enum AssetKind {
     /// Triangles: OBJ or PLY.
     Mesh,
-    /// Texels: PNG or JPEG.
+    /// Texels: PNG, JPEG, EXR or Radiance HDR.
     Image,
 }
 
@@ -17,14 +17,14 @@ impl AssetKind {
     pub(super) const fn words(self) -> &'static str {
         match self {
             Self::Mesh => "a mesh file (.obj or .ply)",
-            Self::Image => "an image file (.png, .jpg or .jpeg)",
+            Self::Image => "an image file (.png, .jpg, .jpeg, .exr or .hdr)",
         }
     }
 
     const fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Mesh => &["obj", "ply"],
-            Self::Image => &["png", "jpg", "jpeg"],
+            Self::Image => &["png", "jpg", "jpeg", "exr", "hdr"],
         }
     }
 }

@@ -1,8 +1,9 @@
 //! Owns how values of the document become values of Rust, for the types that fields are made of.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use serde_json::{Value as Json, json};
 
+use crate::bsdf::Distribution;
 use crate::color::View;
 use crate::scene::document::asset;
 use crate::scene::document::cursor::Cursor;
@@ -11,7 +12,7 @@ use crate::scene::document::named::Named;
 use crate::scene::document::rule::{Allowed, Meaning};
 use crate::scene::document::schema::{self, Definitions};
 use crate::scene::document::tree::{Node, Value};
-use crate::texture::ColorSpace;
+use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
 
 /// A type of the document: how it is read, how it is written and what its schema is.
 pub(super) trait Decode: Sized {
@@ -23,6 +24,18 @@ pub(super) trait Decode: Sized {
     fn schema(allowed: &Allowed, definitions: &mut Definitions) -> Json;
     /// The value as a document would say it; null for a field that it would leave out.
     fn show(&self) -> Json;
+}
+
+/// Fields that stand in an object of their own, or among those of another.
+pub(super) trait Fields: Sized {
+    /// Their names.
+    const NAMES: &'static [&'static str];
+    /// Reads them, or reports everything that is wrong with them; what else stands there is not looked at.
+    fn decode_fields(at: &Cursor<'_>) -> Option<Self>;
+    /// Adds them to the schema of an object.
+    fn add_fields(fields: &mut schema::Fields, definitions: &mut Definitions);
+    /// Adds them as a document would say them.
+    fn show_fields(&self, fields: &mut serde_json::Map<String, Json>);
 }
 
 /// A number in the range, or a report.
@@ -158,28 +171,33 @@ pub(super) fn elements<'a>(at: &Cursor<'a>, length: usize, expected: &str) -> Op
     None
 }
 
-/// Three numbers, each in the range; every wrong one is reported.
-fn triple<T: Decode>(at: &Cursor<'_>, allowed: &Allowed, expected: &str) -> Option<[T; 3]> {
-    let found = elements(at, 3, expected)?;
-    let [x, y, z] = [0, 1, 2].map(|index| T::decode(&at.element(index, &found[index]), allowed));
-    Some([x?, y?, z?])
+/// Numbers of a list of that length, each in the range; every wrong one is reported.
+fn numbers<T: Decode, const N: usize>(at: &Cursor<'_>, allowed: &Allowed, expected: &str) -> Option<[T; N]> {
+    let found = elements(at, N, expected)?;
+    let decoded: Vec<Option<T>> = found
+        .iter()
+        .enumerate()
+        .map(|(index, node)| T::decode(&at.element(index, node), allowed))
+        .collect();
+    decoded.into_iter().collect::<Option<Vec<T>>>()?.try_into().ok()
 }
 
 macro_rules! vectors {
-    ($($ty:ty: $number:ty),+) => {$(
+    ($($ty:ty: $number:ty, $length:literal);+) => {$(
         impl Decode for $ty {
             fn decode(at: &Cursor<'_>, allowed: &Allowed) -> Option<Self> {
-                triple::<$number>(at, allowed, &Self::expected(allowed)).map(Self::from)
+                numbers::<$number, $length>(at, allowed, &Self::expected(allowed)).map(Self::from)
             }
 
             fn expected(allowed: &Allowed) -> String {
-                allowed.words("a list of 3 numbers, each").trim_end_matches(", each").to_owned()
+                let list = concat!("a list of ", $length, " numbers, each");
+                allowed.words(list).trim_end_matches(", each").to_owned()
             }
 
             fn schema(allowed: &Allowed, definitions: &mut Definitions) -> Json {
                 let allowed = Allowed { auto: false, ..*allowed };
                 let items = <$number>::schema(&allowed, definitions);
-                json!({"type": "array", "items": items, "minItems": 3, "maxItems": 3})
+                json!({"type": "array", "items": items, "minItems": $length, "maxItems": $length})
             }
 
             fn show(&self) -> Json {
@@ -189,7 +207,7 @@ macro_rules! vectors {
     )+};
 }
 
-vectors!(Vec3: f32, DVec3: f64);
+vectors!(DVec2: f64, 2; Vec3: f32, 3; DVec3: f64, 3);
 
 impl Decode for String {
     fn decode(at: &Cursor<'_>, allowed: &Allowed) -> Option<Self> {
@@ -387,5 +405,53 @@ words! {
         "standard" => Standard,
         /// A film-like curve with a shoulder; highlights roll off instead of clipping.
         "filmic" => Filmic,
+    }
+}
+
+words! {
+    "wrap";
+    Wrap {
+        /// The texture repeats.
+        "repeat" => Repeat,
+        /// Every second copy is mirrored.
+        "mirror" => Mirror,
+        /// The texels at the edge go on.
+        "clamp" => Clamp,
+    }
+}
+
+words! {
+    "texture filter";
+    TextureFilter {
+        /// Between texels, values change linearly.
+        "bilinear" => Bilinear,
+        /// Every point has the value of the nearest texel.
+        "nearest" => Nearest,
+    }
+}
+
+words! {
+    "channel";
+    Channel {
+        /// Luminance of the colour.
+        "luminance" => Luminance,
+        /// Red.
+        "red" => Red,
+        /// Green.
+        "green" => Green,
+        /// Blue.
+        "blue" => Blue,
+        /// Alpha; 1 where the image has none.
+        "alpha" => Alpha,
+    }
+}
+
+words! {
+    "distribution";
+    Distribution {
+        /// Trowbridge and Reitz (GGX): a narrow peak with a wide skirt.
+        "ggx" => Ggx,
+        /// Beckmann: a Gaussian of slopes.
+        "beckmann" => Beckmann,
     }
 }

@@ -5,7 +5,7 @@
 /// `object! { "title"; /// docs pub struct Name { /// docs field: Type = rule; … } }`
 ///
 /// `checked by path` after the name calls `path(&Name, &Cursor) -> bool` on the decoded value; it reports what
-/// is wrong between fields.
+/// is wrong between fields. Its fields may also stand among those of another type, see `variants!`.
 macro_rules! object {
     (
         $title:literal;
@@ -21,19 +21,43 @@ macro_rules! object {
             $( $(#[doc = $field_doc])+ pub $field: $ty, )*
         }
 
+        impl $crate::scene::document::decode::Fields for $name {
+            const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
+
+            fn decode_fields(at: &$crate::scene::document::cursor::Cursor<'_>) -> Option<Self> {
+                $( let $field: Option<$ty> = at.field(stringify!($field), $rule); )*
+                let value = Self { $( $field: $field?, )* };
+                $( if !$check(&value, at) { return None; } )?
+                Some(value)
+            }
+
+            fn add_fields(
+                fields: &mut $crate::scene::document::schema::Fields,
+                definitions: &mut $crate::scene::document::schema::Definitions,
+            ) {
+                $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), &$rule, definitions); )*
+            }
+
+            fn show_fields(&self, fields: &mut serde_json::Map<String, serde_json::Value>) {
+                $( fields.insert(
+                    stringify!($field).to_owned(),
+                    $crate::scene::document::decode::Decode::show(&self.$field),
+                ); )*
+                fields.retain(|_, value| !value.is_null());
+            }
+        }
+
         impl $crate::scene::document::decode::Decode for $name {
             fn decode(
                 at: &$crate::scene::document::cursor::Cursor<'_>,
                 _: &$crate::scene::document::rule::Allowed,
             ) -> Option<Self> {
+                use $crate::scene::document::decode::Fields;
                 if !at.is_object($title) {
                     return None;
                 }
-                at.only($title, &[$(stringify!($field)),*]);
-                $( let $field: Option<$ty> = at.field(stringify!($field), $rule); )*
-                let value = Self { $( $field: $field?, )* };
-                $( if !$check(&value, at) { return None; } )?
-                Some(value)
+                at.only($title, Self::NAMES);
+                Self::decode_fields(at)
             }
 
             fn expected(_: &$crate::scene::document::rule::Allowed) -> String {
@@ -44,20 +68,18 @@ macro_rules! object {
                 _: &$crate::scene::document::rule::Allowed,
                 definitions: &mut $crate::scene::document::schema::Definitions,
             ) -> serde_json::Value {
+                use $crate::scene::document::decode::Fields;
                 definitions.define($title, |definitions| {
                     let mut fields = $crate::scene::document::schema::Fields::new(concat!($($doc),+));
-                    $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), &$rule, definitions); )*
+                    Self::add_fields(&mut fields, definitions);
                     fields.finish()
                 })
             }
 
             fn show(&self) -> serde_json::Value {
+                use $crate::scene::document::decode::Fields;
                 let mut fields = serde_json::Map::new();
-                $( fields.insert(
-                    stringify!($field).to_owned(),
-                    $crate::scene::document::decode::Decode::show(&self.$field),
-                ); )*
-                fields.retain(|_, value| !value.is_null());
+                self.show_fields(&mut fields);
                 serde_json::Value::Object(fields)
             }
         }
@@ -67,15 +89,20 @@ macro_rules! object {
 /// An object whose `"type"` chooses among variants, each with its own fields.
 ///
 /// `variants! { "title"; /// docs pub enum Name { /// docs "type" => Variant { … } } }`
+///
+/// `checked by path` after a variant is as for `object!`.
+///
+/// `with Fields` after the name lets every variant have the fields of that `object!` type as well: whoever decodes the
+/// variant decodes them too.
 macro_rules! variants {
     (
         $title:literal;
         $(#[doc = $doc:literal])+
         $(#[derive($($derive:ident),+)])?
-        $vis:vis enum $name:ident {
+        $vis:vis enum $name:ident $(with $with:ty)? {
             $(
                 $(#[doc = $variant_doc:literal])+
-                $tag:literal => $variant:ident {
+                $tag:literal => $variant:ident $(checked by $check:path)? {
                     $( $(#[doc = $field_doc:literal])+ $field:ident : $ty:ty = $rule:expr; )*
                 }
             )+
@@ -95,12 +122,15 @@ macro_rules! variants {
                 at: &$crate::scene::document::cursor::Cursor<'_>,
                 _: &$crate::scene::document::rule::Allowed,
             ) -> Option<Self> {
+                let more: &[&[&str]] = &[$(<$with as $crate::scene::document::decode::Fields>::NAMES)?];
                 match at.tag($title, &[$($tag),+])? {
                     $(
                         $tag => {
-                            at.only(concat!($tag, " ", $title), &["type" $(, stringify!($field))*]);
+                            at.only(concat!($tag, " ", $title), &[&["type" $(, stringify!($field))*][..], &more.concat()].concat());
                             $( let $field: Option<$ty> = at.field(stringify!($field), $rule); )*
-                            Some(Self::$variant { $( $field: $field?, )* })
+                            let value = Self::$variant { $( $field: $field?, )* };
+                            $( if !$check(&value, at) { return None; } )?
+                            Some(value)
                         }
                     )+
                     _ => None,
@@ -115,12 +145,21 @@ macro_rules! variants {
                 _: &$crate::scene::document::rule::Allowed,
                 definitions: &mut $crate::scene::document::schema::Definitions,
             ) -> serde_json::Value {
+                fn add_more(
+                    fields: &mut $crate::scene::document::schema::Fields,
+                    definitions: &mut $crate::scene::document::schema::Definitions,
+                ) {
+                    $( <$with as $crate::scene::document::decode::Fields>::add_fields(fields, definitions); )?
+                    // Used whether or not there are more.
+                    let _ = (fields, definitions);
+                }
                 definitions.define($title, |definitions| {
                     let mut variants = Vec::new();
                     $(
                         let mut fields = $crate::scene::document::schema::Fields::new(concat!($($variant_doc),+));
                         fields.tag($tag);
                         $( fields.add::<$ty>(stringify!($field), concat!($($field_doc),+), &$rule, definitions); )*
+                        add_more(&mut fields, definitions);
                         variants.push(fields.finish());
                     )+
                     $crate::scene::document::schema::one_of(concat!($($doc),+), &variants)

@@ -32,8 +32,9 @@ use std::sync::Arc;
 
 pub use asset::{AssetKind, AssetRef};
 pub use description::{
-    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance, Integrator,
-    Light, LookAt, Material, MeshFile, Sampling, Scale, SdfNode, SdfObject, SdfSettings, Sphere,
+    Bounds, Camera, ColorTexture, Components, Crop, Description, Falloff, Film, Filter, Goal, Instance,
+    Integrator, Light, LookAt, Material, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
+    SdfObject, SdfSettings, Shade, Sphere, Texture,
 };
 pub use limits::Limits;
 pub use named::Named;

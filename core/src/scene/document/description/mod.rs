@@ -1,16 +1,20 @@
 //! Owns the description of one frame: plain data, checked, with all animation resolved.
 
 mod light;
+mod material;
 mod sampling;
 mod sdf;
 mod surface;
+mod texture;
 mod transform;
 mod view;
 
-pub use light::Light;
+pub use light::{Falloff, Light};
+pub use material::{Material, Model, Relief};
 pub use sampling::{Goal, Integrator, Sampling};
 pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};
-pub use surface::{ColorTexture, Instance, Material, MeshFile, Sphere};
+pub use surface::{Instance, MeshFile, Sphere};
+pub use texture::{ColorTexture, NumberTexture, Shade, Texture};
 pub use transform::{Components, LookAt, Scale};
 
 pub(super) use transform::{from_rows, to_rows};
