@@ -4,6 +4,8 @@ mod assets;
 mod build;
 mod compiled;
 mod document;
+mod material;
+mod materials;
 mod object;
 mod tape;
 
