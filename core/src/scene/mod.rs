@@ -1,5 +1,6 @@
 //! Owns the scene: the document a person writes and the form that rays meet.
 
+mod albedo;
 mod assets;
 mod build;
 mod compiled;
@@ -9,6 +10,7 @@ mod materials;
 mod object;
 mod tape;
 
+pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};
 pub use compiled::Scene;
 pub use document::{
