@@ -10,6 +10,8 @@ mod chi2;
 mod energy;
 mod furnace;
 mod hard_cases;
+mod hard_limits;
+mod hard_scenes;
 mod materials;
 mod metamorphic;
 mod mutants;

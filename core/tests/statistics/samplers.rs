@@ -1,7 +1,7 @@
 //! Owns the χ² test of every material's sampler, and its weights against the quadrature of its value.
 
 use super::chi2::{detectable, limit_of, sidak};
-use super::materials::{Case, grid, views};
+use super::materials::{grid, views};
 use super::report::table;
 use super::trial::{Effort, Outcome, run};
 use super::{FAMILY, fresh_seed};
@@ -18,9 +18,8 @@ fn rows(effort: Effort) -> Vec<Row> {
     let trials = cases.iter().enumerate().flat_map(|(at, case)| views().map(|(degrees, wo)| (at, case, degrees, wo)));
     trials
         .map(|(at, case, degrees_off, wo)| {
-            let Case { name, bsdf, .. } = case;
             let seed = effort.seed.wrapping_mul(0x1_0001).wrapping_add(at as u64 * 1009 + degrees_off as u64);
-            Row { name: name.clone(), degrees_off, outcome: run(bsdf, wo, Effort { seed, ..effort }) }
+            Row { name: case.name.clone(), degrees_off, outcome: run(case, wo, Effort { seed, ..effort }) }
         })
         .collect()
 }

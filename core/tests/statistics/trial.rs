@@ -14,6 +14,11 @@ pub(crate) trait Scatterer {
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32;
     /// A direction.
     fn sample(&self, wo: Vec3, random: &mut Random) -> Option<BsdfSample>;
+
+    /// What the mean weight is held against: value times cosine, the mean over channels.
+    fn truth(&self, wo: Vec3, wi: Vec3) -> f64 {
+        f64::from(self.eval(wo, wi).element_sum()) / 3.0
+    }
 }
 
 impl Scatterer for Bsdf {
@@ -110,10 +115,8 @@ pub(crate) fn run(of: &dyn Scatterer, wo: Vec3, effort: Effort) -> Outcome {
     // The value may peak where no sample goes: it is integrated over cells that are small around every peak there can be.
     pilot.extend(suspects(wo, effort.pilot / 4, &mut random));
     let fine = Partition::new(&pilot, effort.grain());
-    let value = |wi| f64::from(of.eval(wo, wi).element_sum()) / 3.0;
-    let rough: f64 = tally.sum / n;
-    let albedo = fine.integrals(&value, rough.max(0.05)).iter().sum();
     let mean = tally.sum / n;
+    let albedo = fine.integrals(&|wi| of.truth(wo, wi), mean.max(0.05)).iter().sum();
     let variance = (tally.squares / n - mean * mean).max(0.0);
     Outcome {
         verdict: chi2(&tally.counts, &expected),
