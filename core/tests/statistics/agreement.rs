@@ -180,7 +180,9 @@ fn light_goes_both_ways_alike() {
             }
             let bsdf = principled(&set);
             let wo = random.direction();
-            let wi = if case % 4 == 0 { bent(wo, set.eta).map_or_else(|| random.direction(), |d| (d + random.direction() * 0.2).normalize()) } else { random.direction() };
+            let anywhere = random.direction();
+            let refracted = bent(wo, set.eta).filter(|_| case % 4 == 0);
+            let wi = refracted.map_or(anywhere, |d| (d + anywhere * 0.2).normalize());
             // Inside there is glass alone: light that goes between lobes of the outside has both directions outside.
             let crosses = wo.z * wi.z < 0.0;
             let eta = if wo.z > 0.0 { f64::from(set.eta) } else { 1.0 / f64::from(set.eta) };

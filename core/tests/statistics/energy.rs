@@ -1,6 +1,6 @@
 //! Owns how much light materials send back: the model's own gain, reported, and that conserving models have none.
 
-use super::furnace::albedo;
+use super::albedos::albedo;
 use super::materials::{everything, parameters, sets, view};
 use super::oracle::Disney;
 use super::partition::{Grain, Partition};

@@ -1,30 +1,13 @@
 //! Owns furnaces: under the same light from all sides a convex object shows its directional albedo and nothing else.
 
 use super::FAMILY;
+use super::albedos::albedo;
 use super::chi2::{limit_of, sidak};
-use super::materials::{everything, principled, sets, view};
-use super::oracle::{Disney, Triple};
-use super::partition::{Grain, Partition};
-use super::random::Random;
+use super::materials::{everything, sets, view};
+use super::oracle::Disney;
 use super::report::table;
 use super::scenes::{Shot, Shown, mean_of};
-use super::trial::suspects;
-use glam::{DVec3, Vec3};
-
-/// Directional albedo by quadrature of the oracle, with light from the other side as radiance.
-pub(crate) fn albedo(p: &Disney, wo: Vec3) -> f64 {
-    let bsdf = principled(p);
-    let mut random = Random::new(3);
-    let mut points = suspects(wo, 1 << 11, &mut random);
-    points.extend((0..1 << 13).filter_map(|_| {
-        let lobe = random.unit();
-        bsdf.sample(wo, lobe, random.pair()).map(|s| s.wi)
-    }));
-    let partition = Partition::new(&points, Grain { cell: points.len(), leaf: 16 });
-    let out: Triple = wo.to_array().map(f64::from);
-    let mean = |wi: Vec3| p.value(out, wi.to_array().map(f64::from)).iter().sum::<f64>() / 3.0;
-    partition.integrals(&mean, 1.0).iter().sum()
-}
+use glam::DVec3;
 
 /// Linear between evenly spaced values over the cosine.
 fn between(values: &[f64], cos: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! Owns the hard cases of materials: narrow peaks, grazing views, indices near 1, total reflection. Each has its number.
 
-use super::furnace::albedo;
+use super::albedos::albedo;
 use super::materials::{parameters, principled, view};
 use super::oracle::Disney;
 use super::random::Random;

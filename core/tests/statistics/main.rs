@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout, reason = "the tables are for whoever runs the tests with --nocapture")]
 
 mod agreement;
+mod albedos;
 mod chi2;
 mod energy;
 mod furnace;

@@ -25,6 +25,9 @@ pub(crate) fn to_sphere([t, angle]: [f64; 2]) -> Vec3 {
     Vec3::new((s * cos) as f32, (s * sin) as f32, (1.0 - t) as f32)
 }
 
+/// Cosine of the directions nearest to the horizon.
+const HAIR: f64 = 1e-7;
+
 enum Node {
     Split { axis: usize, at: f64, children: [u32; 2] },
     Cell(u32),
@@ -54,7 +57,8 @@ impl Partition {
         let above = points.partition_point(|p| p[0] <= 1.0);
         let mut tree = Self { nodes: vec![Node::Cell(0)], leaves: Vec::new(), cells: 0 };
         let (upper, lower) = points.split_at_mut(above);
-        let [top, bottom] = Rect([0.0..2.0, 0.0..TAU]).split(0, 1.0);
+        // Rules have nodes on the edges: those at the horizon lie a hair off it.
+        let [top, bottom] = [Rect([0.0..1.0 - HAIR, 0.0..TAU]), Rect([1.0 + HAIR..2.0, 0.0..TAU])];
         let children = [tree.grow(upper, &top, 0, None, grain), tree.grow(lower, &bottom, 0, None, grain)];
         tree.nodes[0] = Node::Split { axis: 0, at: 1.0, children };
         tree
@@ -119,7 +123,7 @@ impl Partition {
         let tolerance = 0.003 * size / self.leaves.len() as f64;
         let mut sums = vec![0.0; self.len()];
         for (cell, rect) in &self.leaves {
-            sums[*cell as usize] += rect.integral(&|p| f(to_sphere(p)), tolerance, 7);
+            sums[*cell as usize] += rect.integral(&|p| f(to_sphere(p)), tolerance, 26);
         }
         sums
     }
@@ -144,5 +148,5 @@ fn the_plane_keeps_directions_and_areas() {
     let partition = Partition::new(&directions, Grain { cell: 64, leaf: 16 });
     let areas = partition.integrals(&|_| 1.0, 4.0 * std::f64::consts::PI);
     assert!(areas.iter().all(|a| *a > 0.0));
-    assert!((areas.iter().sum::<f64>() / (2.0 * TAU) - 1.0).abs() < 1e-9);
+    assert!((areas.iter().sum::<f64>() / (2.0 * TAU) - 1.0).abs() < 1e-6);
 }

@@ -49,12 +49,12 @@ pub(crate) struct Effort {
 
 impl Effort {
     /// For every run.
-    pub(crate) const SHORT: Self = Self { samples: 1 << 17, pilot: 1 << 15, seed: 1 };
+    pub(crate) const SHORT: Self = Self { samples: 1 << 17, pilot: 1 << 14, seed: 1 };
     /// For nights.
     pub(crate) const LONG: Self = Self { samples: 1 << 22, pilot: 1 << 18, seed: 1 };
 
     fn grain(&self) -> Grain {
-        Grain { cell: (self.pilot / 128) as usize, leaf: 12 }
+        Grain { cell: (self.pilot / 128) as usize, leaf: 8 }
     }
 }
 
@@ -113,7 +113,7 @@ pub(crate) fn run(of: &dyn Scatterer, wo: Vec3, effort: Effort) -> Outcome {
         tally.counts.pop();
     }
     // The value may peak where no sample goes: it is integrated over cells that are small around every peak there can be.
-    pilot.extend(suspects(wo, effort.pilot / 4, &mut random));
+    pilot.extend(suspects(wo, effort.pilot / 8, &mut random));
     let fine = Partition::new(&pilot, effort.grain());
     let mean = tally.sum / n;
     let albedo = fine.integrals(&|wi| of.truth(wo, wi), mean.max(0.05)).iter().sum();
