@@ -22,7 +22,7 @@ pub use diffuse::Diffuse;
 pub use microfacet::{Distribution, Microfacets};
 pub use mirror::Mirror;
 pub use plastic::{Coat, Plastic};
-pub use principled::{Lobes, Parameters, Principled};
+pub use principled::{Conserving, Lobes, Parameters, Principled};
 pub use thin_dielectric::ThinDielectric;
 
 use glam::{Vec2, Vec3};
