@@ -210,18 +210,17 @@ impl Builder<'_> {
                     light.falloff().ok().map(|falloff| {
                         Light::Spotlight(SpotLight::new(
                             *position,
-                            direction.normalize().as_vec3(),
+                            *direction,
                             intensity,
                             spot_falloff(falloff),
                         ))
                     })
                 }
                 doc::Light::Sun { direction, irradiance, angular_size } => {
-                    let direction = direction.normalize().as_vec3();
-                    Some(Light::Sun(SunLight::new(direction, *irradiance, *angular_size)))
+                    Some(Light::Sun(SunLight::new(*direction, *irradiance, *angular_size)))
                 }
             };
-            self.lights.extend(compiled.filter(|light| !light.is_dark()));
+            self.lights.extend(compiled);
         }
     }
 
