@@ -123,7 +123,7 @@ impl Partition {
         let tolerance = 0.003 * size / self.leaves.len() as f64;
         let mut sums = vec![0.0; self.len()];
         for (cell, rect) in &self.leaves {
-            sums[*cell as usize] += rect.integral(&|p| f(to_sphere(p)), tolerance, 26);
+            sums[*cell as usize] += rect.integral(&|p| f(to_sphere(p)), tolerance, 40);
         }
         sums
     }

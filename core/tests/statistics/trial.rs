@@ -65,8 +65,6 @@ pub(crate) struct Outcome {
     pub(crate) verdict: Verdict,
     /// Integral of the density.
     pub(crate) mass: f64,
-    /// Share of the samples with a direction that has a density.
-    pub(crate) scattered: f64,
     /// Share of the samples with a direction of its own, as a mirror's.
     pub(crate) single: f64,
     /// Mean weight of scattered samples, over channels, and its standard error.
@@ -121,7 +119,6 @@ pub(crate) fn run(of: &dyn Scatterer, wo: Vec3, effort: Effort) -> Outcome {
     Outcome {
         verdict: chi2(&tally.counts, &expected),
         mass,
-        scattered: f64::from(tally.scattered) / n,
         single: f64::from(tally.single) / n,
         mean: (mean, (variance / n).sqrt()),
         albedo,
