@@ -28,7 +28,7 @@ fn sampler(pixel: u32, index: u32) -> Sampler {
 fn scattered(count: u32) -> impl Iterator<Item = Vec3> {
     (0..count).map(|i| {
         let u = sampler(i, 0);
-        let [xy, z] = [u.get_2d(Decision::Filter), u.get_1d(Decision::Lens)];
+        let (xy, z) = (u.get_2d(Decision::Filter), u.get_1d(Decision::Lens));
         xy.extend(z) * 2.0 - 1.0
     })
 }
