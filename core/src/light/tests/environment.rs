@@ -81,7 +81,8 @@ fn texels_are_where_the_documentation_says() {
             let towards = (to_world * direction).normalize();
             let samples: Vec<_> =
                 points(0, 64).filter_map(|u| all.all()[0].sample(&facing_up(Vec3::ZERO), u)).collect();
-            assert!(samples.len() > 60, "{x} {y}: {}", samples.len());
+            // The outer halves of its neighbours are black.
+            assert!(samples.len() > 48, "{x} {y}: {}", samples.len());
             let mean = samples.iter().map(|s| s.wi.as_dvec3()).sum::<DVec3>().normalize();
             assert!(mean.dot(towards) > 0.95, "({x}, {y}): {mean}, expected {towards}");
         }
