@@ -1,0 +1,57 @@
+//! Scenes of other renderers become karst documents.
+//!
+//! One module a format. An importer keeps what has the same meaning, says what it had to leave out or what looks
+//! different ([`Note`]), and makes an error only of what cannot be read at all.
+
+mod error;
+mod mitsuba;
+mod note;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use error::ConvertError;
+pub use note::{Note, NoteKind};
+
+/// A scene of another renderer as a karst document.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Converted {
+    /// The document, in the order of the scene it was made from.
+    pub document: serde_json::Value,
+    /// The files that the document names, by path relative to it.
+    pub assets: BTreeMap<String, Asset>,
+    /// What was left out or looks different, in the order of the scene.
+    pub notes: Vec<Note>,
+}
+
+/// Where the bytes of an asset are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Asset {
+    /// In a file of the foreign scene.
+    File(PathBuf),
+    /// Here: made from what the scene describes.
+    Bytes(Vec<u8>),
+}
+
+/// Endings of the files that [`convert`] reads, in lower case without the dot.
+pub const EXTENSIONS: [&str; 1] = ["xml"];
+
+/// Whether [`convert`] reads files of this name.
+pub fn reads(path: &Path) -> bool {
+    extension(path).is_some_and(|found| EXTENSIONS.contains(&found.as_str()))
+}
+
+/// Reads a scene of another renderer; its name says which one it is of.
+///
+/// # Errors
+/// Files that are missing, too large or malformed, and references that lead nowhere, with file and line.
+pub fn convert(path: &Path) -> Result<Converted, ConvertError> {
+    match extension(path).as_deref() {
+        Some("xml") => mitsuba::convert(path),
+        _ => Err(ConvertError::Unknown { path: path.to_owned() }),
+    }
+}
+
+fn extension(path: &Path) -> Option<String> {
+    Some(path.extension()?.to_str()?.to_ascii_lowercase())
+}
