@@ -56,8 +56,10 @@ fn on_one_line(value: &Value) -> String {
             format!("[{}]", items.join(", "))
         }
         Value::Object(members) => {
-            let members: Vec<String> =
-                members.iter().map(|(name, member)| format!("{}: {}", quoted(name), on_one_line(member))).collect();
+            let members: Vec<String> = members
+                .iter()
+                .map(|(name, member)| format!("{}: {}", quoted(name), on_one_line(member)))
+                .collect();
             format!("{{{}}}", members.join(", "))
         }
         Value::Number(_) | Value::Null | Value::Bool(_) | Value::String(_) => value.to_string(),
@@ -75,7 +77,8 @@ mod tests {
 
     #[test]
     fn short_values_share_a_line() {
-        let document = json!({"version": 1, "rows": [[1.0, 0.1], [2.5, 3.0]], "name \"x\"": {"a": {}, "b": []}});
+        let document =
+            json!({"version": 1, "rows": [[1.0, 0.1], [2.5, 3.0]], "name \"x\"": {"a": {}, "b": []}});
         let expected = "{\n  \"version\": 1,\n  \"rows\": [[1.0, 0.1], [2.5, 3.0]],\n  \"name \\\"x\\\"\": {\"a\": {}, \"b\": []}\n}\n";
         assert_eq!(write(&document), expected);
     }

@@ -116,7 +116,12 @@ fn only_inner<'a>(out: &mut Output<'a>, object: &Object, otherwise: &str) -> Opt
     first_inner(out, object)
 }
 
-fn relief<const N: usize>(out: &mut Output<'_>, object: &Object, around: &mut Around, entries: [(&str, Json); N]) {
+fn relief<const N: usize>(
+    out: &mut Output<'_>,
+    object: &Object,
+    around: &mut Around,
+    entries: [(&str, Json); N],
+) {
     for (name, value) in entries {
         if around.relief.contains_key(name) {
             out.untranslated(&object.place, format!("a {} in another one", object.title()));
@@ -128,7 +133,8 @@ fn relief<const N: usize>(out: &mut Output<'_>, object: &Object, around: &mut Ar
 
 fn bump(out: &mut Output<'_>, object: &Object, around: &mut Around) -> Result<(), ConvertError> {
     let mut scale = object.number_or("scale", 1.0)?;
-    let Some((property, mut index)) = object.nested().find(|(_, index)| out.scene.objects[*index].tag == "texture")
+    let Some((property, mut index)) =
+        object.nested().find(|(_, index)| out.scene.objects[*index].tag == "texture")
     else {
         out.untranslated(&object.place, format!("a {} without a texture", object.title()));
         return Ok(());
@@ -149,9 +155,9 @@ fn bump(out: &mut Output<'_>, object: &Object, around: &mut Around) -> Result<()
 }
 
 fn normal_map(out: &mut Output<'_>, object: &Object, around: &mut Around) -> Result<(), ConvertError> {
-    let named = object.get("normalmap").and_then(|property| {
-        if let Value::Object(index) = property.value { Some(index) } else { None }
-    });
+    let named = object
+        .get("normalmap")
+        .and_then(|property| if let Value::Object(index) = property.value { Some(index) } else { None });
     let other = || object.nested().find(|(_, index)| out.scene.objects[*index].tag == "texture");
     let index = named.or_else(|| {
         let (property, index) = other()?;
@@ -346,10 +352,16 @@ fn plastic(out: &mut Output<'_>, object: &Object) -> Result<Fields, ConvertError
     rough(out, object, &mut found)?;
     // One width for the whole surface.
     if found.remove("alpha_v").is_some() {
-        out.untranslated(&object.place, format!("different alphas of a {}: taken as along u", object.title()));
+        out.untranslated(
+            &object.place,
+            format!("different alphas of a {}: taken as along u", object.title()),
+        );
     }
     if found.get("alpha").is_some_and(Json::is_object) {
-        out.untranslated(&object.place, format!("a texture as the alpha of a {}: taken as 0.1", object.title()));
+        out.untranslated(
+            &object.place,
+            format!("a texture as the alpha of a {}: taken as 0.1", object.title()),
+        );
         found.insert("alpha".to_owned(), json!(0.1));
     }
     found.insert("nonlinear".to_owned(), json!(object.flag("nonlinear", false)?));
@@ -374,7 +386,12 @@ const DISNEY: [&str; 13] = [
 ];
 
 /// The Disney BSDF or a lobe of it, under the names of the course it comes from.
-fn disney(out: &mut Output<'_>, object: &Object, model: &str, names: &[&str]) -> Result<Fields, ConvertError> {
+fn disney(
+    out: &mut Output<'_>,
+    object: &Object,
+    model: &str,
+    names: &[&str],
+) -> Result<Fields, ConvertError> {
     let mut found = fields(model, []);
     for name in names.iter().filter(|name| object.has(name)) {
         let value = match *name {

@@ -61,14 +61,17 @@ impl Color {
             return Err(format!("found a spectrum of {} wavelengths, expected at least 2", pairs.len()));
         }
         match pairs.windows(2).find(|two| two[1][0] <= two[0][0]) {
-            Some(two) => Err(format!("found the wavelength {} after {}, expected them to grow", two[1][0], two[0][0])),
+            Some(two) => {
+                Err(format!("found the wavelength {} after {}, expected them to grow", two[1][0], two[0][0]))
+            }
             None => Ok(Self::Spectrum(pairs)),
         }
     }
 
     /// The lines of a file of wavelengths and values.
     pub(super) fn table_file(text: &str) -> Result<Self, String> {
-        let lines = text.lines().zip(1_u32..).filter(|(line, _)| !line.trim().is_empty() && !line.starts_with('#'));
+        let lines =
+            text.lines().zip(1_u32..).filter(|(line, _)| !line.trim().is_empty() && !line.starts_with('#'));
         let pair = |(line, at): (&str, u32)| match numbers(line).as_deref() {
             Ok(&[wavelength, value]) => Ok([wavelength, value]),
             Ok(_) | Err(_) => Err(format!("line {at}: found {line:.80?}, expected a wavelength and a value")),
@@ -157,7 +160,10 @@ mod tests {
         assert_eq!(Color::rgb("#ff0033"), Ok(Color::Rgb([1.0, 0.0, 0.2])));
         assert_eq!(Color::spectrum("0.5"), Ok(Color::Uniform(0.5)));
         assert_eq!(Color::spectrum("1 2 3"), Ok(Color::Rgb([1.0, 2.0, 3.0])));
-        assert_eq!(Color::spectrum("400:0.1, 700:0.2"), Ok(Color::Spectrum(vec![[400.0, 0.1], [700.0, 0.2]])));
+        assert_eq!(
+            Color::spectrum("400:0.1, 700:0.2"),
+            Ok(Color::Spectrum(vec![[400.0, 0.1], [700.0, 0.2]]))
+        );
         assert_eq!(Color::table_file("# nm\n400 0.1\n\n700 0.2\n"), Color::spectrum("400:0.1 700:0.2"));
         for wrong in ["#ff003", "#ff00zz", "#+f+f+f", "1 2"] {
             assert!(Color::rgb(wrong).is_err() && Color::srgb(wrong).is_err(), "{wrong}");

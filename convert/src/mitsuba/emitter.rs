@@ -63,7 +63,12 @@ fn fields<const N: usize>(kind: &str, parameters: [(&str, serde_json::Value); N]
 }
 
 /// A colour of light, 1 unless given; 0, with a note, where it varies.
-fn strength(out: &mut Output<'_>, object: &Object, name: &str, otherwise: &str) -> Result<[f64; 3], ConvertError> {
+fn strength(
+    out: &mut Output<'_>,
+    object: &Object,
+    name: &str,
+    otherwise: &str,
+) -> Result<[f64; 3], ConvertError> {
     let Some(property) = object.get(name) else { return Ok([1.0; 3]) };
     let Some(rgb) = constant(out, property, Role::Light)? else {
         let text = format!("a texture as the {name} of a {}: {otherwise}", object.title());
@@ -99,16 +104,21 @@ fn spot(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, Convert
     let cutoff = object.number_or("cutoff_angle", 20.0)?;
     let beam = object.number_or("beam_width", cutoff * 0.75)?;
     if !(cutoff > 0.0 && cutoff <= 180.0 && (0.0..=cutoff).contains(&beam)) {
-        let message = format!("found a beam_width of {beam} and a cutoff_angle of {cutoff}, expected 0 to 180, growing");
+        let message = format!(
+            "found a beam_width of {beam} and a cutoff_angle of {cutoff}, expected 0 to 180, growing"
+        );
         return Err(object.place.error(message));
     }
-    Ok(Some(fields("spotlight", [
-        ("position", vector(map.translation)),
-        ("direction", vector(forward(object, &map)?)),
-        ("intensity", json!(intensity)),
-        ("beam_width", json!(beam)),
-        ("cutoff_angle", json!(cutoff)),
-    ])))
+    Ok(Some(fields(
+        "spotlight",
+        [
+            ("position", vector(map.translation)),
+            ("direction", vector(forward(object, &map)?)),
+            ("intensity", json!(intensity)),
+            ("beam_width", json!(beam)),
+            ("cutoff_angle", json!(cutoff)),
+        ],
+    )))
 }
 
 fn directional(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, ConvertError> {
@@ -119,11 +129,10 @@ fn directional(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, 
         Some(_) => return Err(object.place.error("found the direction 0 0 0, expected another")),
         None => forward(object, &map)?,
     };
-    Ok(Some(fields("sun", [
-        ("direction", vector(direction)),
-        ("irradiance", json!(irradiance)),
-        ("angular_size", json!(0.0)),
-    ])))
+    Ok(Some(fields(
+        "sun",
+        [("direction", vector(direction)), ("irradiance", json!(irradiance)), ("angular_size", json!(0.0))],
+    )))
 }
 
 fn environment(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, ConvertError> {
@@ -136,7 +145,8 @@ fn environment(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, 
     let scale = object.number_or("scale", 1.0)?;
     let scale = out.within(&object.place, "scale", scale, [0.0, f64::from(f32::MAX)]);
     let path = out.file("textures", &source);
-    let mut found = fields("environment", [("radiance", json!([scale, scale, scale])), ("image", json!(path))]);
+    let mut found =
+        fields("environment", [("radiance", json!([scale, scale, scale])), ("image", json!(path))]);
     let turn = DAffine3::from_mat3(affine(&object.transform("to_world")?).matrix3);
     if turn.matrix3.determinant() == 0.0 {
         return Err(object.place.error("found a transform that cannot be inverted, expected a rotation"));

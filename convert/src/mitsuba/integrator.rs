@@ -23,7 +23,8 @@ pub(super) fn integrator(out: &mut Output<'_>, index: usize) -> Result<(), Conve
     if direct {
         object.ignore(&["shading_samples", "emitter_samples", "bsdf_samples"]);
     } else if !matches!(object.plugin.as_str(), "path" | "volpath" | "volpathmis" | "volpath_simple") {
-        let text = format!("a {} is replaced by path tracing, which converges to the same picture", object.title());
+        let text =
+            format!("a {} is replaced by path tracing, which converges to the same picture", object.title());
         out.differs(&object.place, text);
         object.properties.iter().for_each(|property| property.used.set(true));
     }
@@ -31,8 +32,8 @@ pub(super) fn integrator(out: &mut Output<'_>, index: usize) -> Result<(), Conve
     if object.flag("hide_emitters", false)? {
         out.untranslated(&object.place, "hide_emitters: lights are seen directly");
     }
-    let depth = depth(out, object, "max_depth", -1, MAX_DEPTH)?;
-    let roulette = self::depth(out, object, "rr_depth", 5, MAX_DEPTH)?;
+    let depth = surfaces(out, object, "max_depth", -1, MAX_DEPTH)?;
+    let roulette = surfaces(out, object, "rr_depth", 5, MAX_DEPTH)?;
     let depth = if direct { 2 } else { depth };
     out.head.insert("integrator".to_owned(), json!({"max_depth": depth, "roulette_depth": roulette}));
     Ok(())
@@ -44,7 +45,7 @@ pub(super) fn default_integrator(out: &mut Output<'_>) {
 }
 
 /// A number of surfaces, from 1 to the limit; −1 is no limit.
-fn depth(
+fn surfaces(
     out: &mut Output<'_>,
     object: &Object,
     name: &str,

@@ -69,7 +69,8 @@ pub(super) fn load(path: &Path) -> Result<Scene, ConvertError> {
 
 /// Whether the version is below 2; scenes without one are taken for new ones.
 fn is_legacy(element: &Element) -> bool {
-    let major = element.attributes.get("version").and_then(|version| version.split('.').next()?.trim().parse().ok());
+    let major =
+        element.attributes.get("version").and_then(|version| version.split('.').next()?.trim().parse().ok());
     major.is_some_and(|major: u32| major < 2)
 }
 
@@ -106,7 +107,8 @@ impl Loader {
         let size = std::fs::metadata(path).map_err(failed)?.len();
         let name: Rc<str> = path.display().to_string().into();
         let Some(left) = self.left.checked_sub(size) else {
-            let message = format!("has {size} bytes, {} are left of the limit of {MAX_BYTES} for all XML", self.left);
+            let message =
+                format!("has {size} bytes, {} are left of the limit of {MAX_BYTES} for all XML", self.left);
             return Err(ConvertError::scene(&*name, 0, message));
         };
         self.left = left;
@@ -164,11 +166,18 @@ impl Loader {
     }
 
     /// Understands an element within an object.
-    fn child(&mut self, element: &Element, into: &mut Vec<Property>, depth: usize) -> Result<(), ConvertError> {
+    fn child(
+        &mut self,
+        element: &Element,
+        into: &mut Vec<Property>,
+        depth: usize,
+    ) -> Result<(), ConvertError> {
         let attributes = self.substitute(element)?;
         let place = &element.place;
         let need = |name: &str| {
-            attributes.get(name).ok_or_else(|| place.error(format!("found <{}> without {name:?}", element.tag)))
+            attributes
+                .get(name)
+                .ok_or_else(|| place.error(format!("found <{}> without {name:?}", element.tag)))
         };
         match element.tag.as_str() {
             "default" => {
@@ -232,7 +241,8 @@ impl Loader {
     }
 
     fn spectrum_file(&self, name: &str) -> Result<Color, String> {
-        let path = find(&self.folders, name).ok_or(format!("found the file {name:?}, which does not exist"))?;
+        let path =
+            find(&self.folders, name).ok_or(format!("found the file {name:?}, which does not exist"))?;
         let wrong = |error: &dyn std::fmt::Display| format!("file {name:?}: {error}");
         let size = std::fs::metadata(&path).map_err(|error| wrong(&error))?.len();
         if size > MAX_SPECTRUM {
@@ -245,7 +255,8 @@ impl Loader {
     /// The attributes of an element with `$name` replaced by the value of the default `name`.
     fn substitute(&self, element: &Element) -> Result<Attributes, ConvertError> {
         let replace = |(name, value): &(String, String)| {
-            let value = if value.contains('$') { self.replace(value, &element.place)? } else { value.clone() };
+            let value =
+                if value.contains('$') { self.replace(value, &element.place)? } else { value.clone() };
             Ok((name.clone(), value))
         };
         element.attributes.0.iter().map(replace).collect::<Result<_, _>>().map(Attributes)
@@ -256,11 +267,17 @@ impl Loader {
         let mut out = parts.next().unwrap_or_default().to_owned();
         for part in parts {
             // The longest name wins: $size_x is not $size and then "_x".
-            let name = self.defaults.keys().filter(|name| part.starts_with(name.as_str())).max_by_key(|name| name.len());
+            let name = self
+                .defaults
+                .keys()
+                .filter(|name| part.starts_with(name.as_str()))
+                .max_by_key(|name| name.len());
             let Some(name) = name else {
                 let known: Vec<&str> = self.defaults.keys().map(String::as_str).collect();
                 let known = if known.is_empty() { "there is none".to_owned() } else { known.join(", ") };
-                return Err(place.error(format!("found {text:?}, expected a variable that has a <default>: {known}")));
+                return Err(
+                    place.error(format!("found {text:?}, expected a variable that has a <default>: {known}"))
+                );
             };
             out += &self.defaults[name];
             out += &part[name.len()..];
@@ -271,14 +288,17 @@ impl Loader {
     /// Another folder to look for files in, before all others.
     fn folder(&mut self, name: &str, place: &Place) -> Result<(), ConvertError> {
         let found = self.folders.iter().map(|folder| folder.join(name)).find(|path| path.is_dir());
-        let found = found.ok_or_else(|| place.error(format!("found the folder {name:?}, which does not exist")))?;
+        let found =
+            found.ok_or_else(|| place.error(format!("found the folder {name:?}, which does not exist")))?;
         self.folders.insert(0, found);
         Ok(())
     }
 
     fn alias(&mut self, id: &str, name: &str, place: &Place) -> Result<(), ConvertError> {
         let Some((index, _)) = self.ids.get(id) else {
-            return Err(place.error(format!("found an alias of {id:?}, expected the id of an object before it")));
+            return Err(
+                place.error(format!("found an alias of {id:?}, expected the id of an object before it"))
+            );
         };
         self.take(name, *index, place)
     }
@@ -322,7 +342,9 @@ fn link(objects: &mut [Object], ids: &BTreeMap<String, (usize, Place)>) -> Resul
             let Value::Reference(id) = &property.value else { continue };
             let Some((index, _)) = ids.get(id) else {
                 let near = ids.keys().min_by_key(|known| strsim::damerau_levenshtein(known, id));
-                let error = property.place.error(format!("found a reference to {id:?}, expected the id of an object"));
+                let error = property
+                    .place
+                    .error(format!("found a reference to {id:?}, expected the id of an object"));
                 return Err(match near {
                     Some(near) => error.with_hint(format!("the nearest id is {near:?}")),
                     None => error,
@@ -349,7 +371,8 @@ fn height(objects: &[Object], at: usize, depth: usize, heights: &mut [usize]) ->
         return Ok(heights[at]);
     }
     if depth > MAX_DEPTH {
-        let message = format!("found objects that refer to each other in a circle or more than {MAX_DEPTH} deep");
+        let message =
+            format!("found objects that refer to each other in a circle or more than {MAX_DEPTH} deep");
         return Err(objects[at].place.error(message));
     }
     let mut most = 0;

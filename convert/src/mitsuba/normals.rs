@@ -76,12 +76,19 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             path
         };
-        let roof = write("roof.obj", "v 0 0 0\nv 0 0 2\nv 1 1 0\nv 1 1 2\nv 2 0 0\nv 2 0 2\nf 1 2 4 3\nf 3 4 6 5\n");
+        let roof =
+            write("roof.obj", "v 0 0 0\nv 0 0 2\nv 1 1 0\nv 1 1 2\nv 2 0 0\nv 2 0 2\nf 1 2 4 3\nf 3 4 6 5\n");
         assert_eq!(in_file(&roof, "obj"), Ok(false));
         assert_eq!(in_file(&write("n.obj", "v 0 0 0\n vn 0 0 1\n"), "obj"), Ok(true));
         let header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n";
-        assert_eq!(in_file(&write("a.ply", &format!("{header}end_header\nproperty float nx\n")), "ply"), Ok(false));
-        assert_eq!(in_file(&write("b.ply", &format!("{header}property float nx\nend_header\n")), "ply"), Ok(true));
+        assert_eq!(
+            in_file(&write("a.ply", &format!("{header}end_header\nproperty float nx\n")), "ply"),
+            Ok(false)
+        );
+        assert_eq!(
+            in_file(&write("b.ply", &format!("{header}property float nx\nend_header\n")), "ply"),
+            Ok(true)
+        );
         assert!(in_file(&folder.path().join("none.ply"), "ply").is_err());
         let made = smooth(&roof).unwrap();
         let normal = |p: Vec3| made.normals[made.positions.iter().position(|q| *q == p).unwrap()];

@@ -101,7 +101,9 @@ impl Object {
         let Some(property) = self.get(name) else { return Ok(None) };
         let wrong = || {
             let kind = property.value.kind();
-            property.place.error(format!("found a {kind} as {name:?} of a {}, expected {expected}", self.title()))
+            property
+                .place
+                .error(format!("found a {kind} as {name:?} of a {}, expected {expected}", self.title()))
         };
         take(&property.value).ok_or_else(wrong).map(Some)
     }
@@ -120,7 +122,11 @@ impl Object {
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, ConvertError> {
         self.read(name, "an integer", |value| {
             let whole = number(value).filter(|number| number.fract() == 0.0 && number.abs() < 9.0e15);
-            if let Value::Integer(integer) = value { Some(*integer) } else { whole.map(|number| number as i64) }
+            if let Value::Integer(integer) = value {
+                Some(*integer)
+            } else {
+                whole.map(|number| number as i64)
+            }
         })
     }
 
@@ -130,15 +136,21 @@ impl Object {
         let [least, most] = range;
         u32::try_from(found).ok().filter(|count| (least..=most).contains(count)).ok_or_else(|| {
             let place = self.get(name).map_or(&self.place, |property| &property.place);
-            place.error(format!("found {found} as {name:?} of a {}, expected {least} to {most}", self.title()))
+            place
+                .error(format!("found {found} as {name:?} of a {}, expected {least} to {most}", self.title()))
         })
     }
 
     /// A truth value, or a default.
     pub(super) fn flag(&self, name: &str, default: bool) -> Result<bool, ConvertError> {
-        let found = self.read(name, "a boolean", |value| {
-            if let Value::Flag(flag) = value { Some(*flag) } else { None }
-        })?;
+        let found =
+            self.read(
+                name,
+                "a boolean",
+                |value| {
+                    if let Value::Flag(flag) = value { Some(*flag) } else { None }
+                },
+            )?;
         Ok(found.unwrap_or(default))
     }
 
@@ -155,9 +167,13 @@ impl Object {
 
     /// A point or a vector.
     pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, ConvertError> {
-        self.read(name, "a point", |value| {
-            if let Value::Vector(vector) = value { Some(*vector) } else { None }
-        })
+        self.read(
+            name,
+            "a point",
+            |value| {
+                if let Value::Vector(vector) = value { Some(*vector) } else { None }
+            },
+        )
     }
 
     /// A transform, or the identity.

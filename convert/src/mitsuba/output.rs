@@ -23,6 +23,9 @@ pub(super) enum Table {
     Lights,
 }
 
+/// What stands before the tables.
+const HEAD: [&str; 4] = ["camera", "film", "sampling", "integrator"];
+
 /// The tables in the order of the document.
 const TABLES: [(Table, &str); 5] = [
     (Table::Materials, "materials"),
@@ -153,7 +156,8 @@ impl<'a> Output<'a> {
     }
 
     fn asset(&mut self, folder: &str, name: &str, asset: Asset) -> String {
-        let allowed = |c: char| if c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '.') { c } else { '_' };
+        let allowed =
+            |c: char| if c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '.') { c } else { '_' };
         let name: String = name.chars().map(allowed).collect();
         let (stem, ending) = name.rsplit_once('.').unwrap_or((&name, ""));
         let stem: String = stem.trim_start_matches('.').chars().take(MAX_NAME).collect();
@@ -170,7 +174,8 @@ impl<'a> Output<'a> {
     pub(super) fn finish(mut self) -> Converted {
         self.note_unused();
         let mut document = Map::from_iter([("version".to_owned(), json!(1))]);
-        document.extend(self.head);
+        let mut head = self.head;
+        document.extend(HEAD.iter().filter_map(|name| head.remove_entry(*name)));
         for (table, name) in TABLES {
             if let Some(entries) = self.tables.remove(&table) {
                 document.insert(name.to_owned(), Json::Object(entries));

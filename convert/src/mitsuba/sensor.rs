@@ -31,7 +31,10 @@ pub(super) fn sensor(out: &mut Output<'_>, index: usize) -> Result<(), ConvertEr
     }
     let (size, film) = match film {
         Some(film) => film_of(out, film)?,
-        None => ([768, 576], json!({"width": 768, "height": 576, "filter": gaussian(out, object, 0.5), "view": "standard"})),
+        None => (
+            [768, 576],
+            json!({"width": 768, "height": 576, "filter": gaussian(out, object, 0.5), "view": "standard"}),
+        ),
     };
     let aspect = f64::from(size[0]) / f64::from(size[1]);
     let camera = camera(out, object, aspect)?;
@@ -70,7 +73,9 @@ fn camera(out: &mut Output<'_>, object: &Object, aspect: f64) -> Result<Json, Co
     let radius = if thin { object.number_or("aperture_radius", 0.0)? } else { 0.0 };
     if radius > 0.0 {
         if focus <= 0.0 {
-            return Err(object.place.error(format!("found a focus_distance of {focus}, expected one above 0")));
+            return Err(object
+                .place
+                .error(format!("found a focus_distance of {focus}, expected one above 0")));
         }
         fields.insert("lens_radius".to_owned(), json!(radius));
         fields.insert("focus_distance".to_owned(), json!(focus));
@@ -99,7 +104,9 @@ fn vfov(object: &Object, aspect: f64) -> Result<f64, ConvertError> {
     let axis = object.text("fov_axis")?.unwrap_or("x").to_ascii_lowercase();
     let (angle, axis) = match angle {
         Some(angle) => (angle, axis.as_str()),
-        None => (2.0 * libm::atan(36.0_f64.hypot(24.0) / (2.0 * focal_length(object)?)).to_degrees(), "diagonal"),
+        None => {
+            (2.0 * libm::atan(36.0_f64.hypot(24.0) / (2.0 * focal_length(object)?)).to_degrees(), "diagonal")
+        }
     };
     let axis = match axis {
         "smaller" if aspect > 1.0 => "y",
@@ -127,7 +134,9 @@ fn focal_length(object: &Object) -> Result<f64, ConvertError> {
     let Some(text) = object.text("focal_length")? else { return Ok(50.0) };
     let digits = text.trim().trim_end_matches("mm");
     let found = value::number(digits).ok().filter(|length| *length > 0.0);
-    found.ok_or_else(|| object.place.error(format!("found the focal_length {text:?}, expected one such as 50mm")))
+    found.ok_or_else(|| {
+        object.place.error(format!("found the focal_length {text:?}, expected one such as 50mm"))
+    })
 }
 
 /// Places the camera. Mitsuba's looks along z with x to the left, karst's along −z with x to the right.
@@ -152,8 +161,21 @@ fn without_scale(axis: DVec3) -> Option<DVec3> {
 /// The size of a film, and its entry in the document.
 fn film_of(out: &mut Output<'_>, object: &Object) -> Result<([u32; 2], Json), ConvertError> {
     object.ignore(&[
-        "file_format", "pixel_format", "component_format", "banner", "sample_border", "high_quality_edges", "compensate",
-        "attach_log", "gamma", "exposure", "tonemap_method", "key", "burn", "metadata", "label",
+        "file_format",
+        "pixel_format",
+        "component_format",
+        "banner",
+        "sample_border",
+        "high_quality_edges",
+        "compensate",
+        "attach_log",
+        "gamma",
+        "exposure",
+        "tonemap_method",
+        "key",
+        "burn",
+        "metadata",
+        "label",
     ]);
     let side = |name: &str, default: u32| object.count(name, default, [1, MAX_SIDE]);
     let size = [side("width", 768)?, side("height", 576)?];
@@ -168,7 +190,10 @@ fn film_of(out: &mut Output<'_>, object: &Object) -> Result<([u32; 2], Json), Co
     ];
     if offset[0] + crop[0] > size[0] || offset[1] + crop[1] > size[1] {
         let ([x, y], [width, height]) = (offset, crop);
-        let message = format!("found a crop of {width} x {height} at ({x}, {y}), the film has {} x {}", size[0], size[1]);
+        let message = format!(
+            "found a crop of {width} x {height} at ({x}, {y}), the film has {} x {}",
+            size[0], size[1]
+        );
         return Err(object.place.error(message));
     }
     if offset != [0, 0] || crop != size {
@@ -190,7 +215,8 @@ fn film_of(out: &mut Output<'_>, object: &Object) -> Result<([u32; 2], Json), Co
 
 /// A Gaussian of this standard deviation, in pixels.
 fn gaussian(out: &mut Output<'_>, object: &Object, deviation: f64) -> Json {
-    let text = format!("a Gaussian filter of standard deviation {deviation} ends at 3 deviations, Mitsuba's at 4");
+    let text =
+        format!("a Gaussian filter of standard deviation {deviation} ends at 3 deviations, Mitsuba's at 4");
     out.differs(&object.place, text);
     json!({"type": "gaussian", "radius": (3.0 * deviation).clamp(0.1, 8.0)})
 }

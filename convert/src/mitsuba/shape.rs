@@ -11,8 +11,8 @@ use super::output::{Output, Table};
 use super::primitive;
 use super::texture::{ending, unsigned};
 use super::transform::{affine, similarity, tangents};
-use crate::ply::{self, Triangles};
 use crate::ConvertError;
+use crate::ply::{self, Triangles};
 
 /// How a shape looks, whatever it is.
 struct Look {
@@ -84,7 +84,8 @@ fn placed(map: &DAffine3, object: &Object) -> Result<Json, ConvertError> {
     let place = object.get("to_world").map_or(&object.place, |property| &property.place);
     let sound = map.is_finite() && map.matrix3.determinant() != 0.0 && map.inverse().is_finite();
     if !sound {
-        let error = place.error("found a transform that cannot be inverted, expected one that flattens nothing");
+        let error =
+            place.error("found a transform that cannot be inverted, expected one that flattens nothing");
         return Err(error.with_hint("a scale of 0 along one direction is one cause"));
     }
     Ok(matrix_json(map))
@@ -138,7 +139,9 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
     let kind = ending(&source);
     if kind != object.plugin {
         let expected = &object.plugin;
-        return Err(place.error(format!("found the file {file_name:?}, expected a name that ends in .{expected}")));
+        return Err(
+            place.error(format!("found the file {file_name:?}, expected a name that ends in .{expected}"))
+        );
     }
     object.ignore(&["shape_index", "collapse", "load_materials", "srgb"]);
     if object.number("max_smooth_angle")?.is_some() {
@@ -151,13 +154,14 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
     let flipped = object.flag("flip_tex_coords", kind == "obj")?;
     let textured = out.get(Table::Materials, &look.material).is_some_and(uses_uv);
     // Without normals in the file Mitsuba makes smooth ones.
-    let without = !face_normals && !normals::in_file(&source, &kind).map_err(|message| place.error(message))?;
-    let entry = MeshEntry { face_normals, flip_v: !flipped && textured, smooth: without };
+    let without =
+        !face_normals && !normals::in_file(&source, &kind).map_err(|message| place.error(message))?;
     // Mitsuba looks at the winding after the transform, karst before.
     if (face_normals || without) && affine(to_world).matrix3.determinant() < 0.0 {
         look.flip = !look.flip;
     }
-    let key = format!("{}|{entry:?}", source.display());
+    let options = [("face_normals", face_normals), ("flip_v", !flipped && textured)];
+    let key = format!("{}|{options:?}|{without}", source.display());
     let mesh = if let Some(mesh) = out.meshes.get(&key) {
         mesh.clone()
     } else {
@@ -167,32 +171,14 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
         } else {
             out.file("meshes", &source)
         };
+        let mut entry = Map::from_iter([("file".to_owned(), json!(path))]);
+        entry.extend(options.iter().filter(|(_, on)| *on).map(|(name, _)| ((*name).to_owned(), json!(true))));
         let mesh = out.name(Table::Meshes, &stem);
-        out.add(Table::Meshes, mesh.clone(), entry.fields(&path));
+        out.add(Table::Meshes, mesh.clone(), entry);
         out.meshes.insert(key, mesh.clone());
         mesh
     };
     instance(out, object, (name, mesh), &affine(to_world), look)
-}
-
-/// How a mesh file is read.
-#[derive(Debug)]
-struct MeshEntry {
-    face_normals: bool,
-    flip_v: bool,
-    smooth: bool,
-}
-
-impl MeshEntry {
-    fn fields(&self, path: &str) -> Map<String, Json> {
-        let mut fields = Map::from_iter([("file".to_owned(), json!(path))]);
-        for (name, on) in [("face_normals", self.face_normals), ("flip_v", self.flip_v)] {
-            if on {
-                fields.insert(name.to_owned(), json!(true));
-            }
-        }
-        fields
-    }
 }
 
 /// A shape that becomes a mesh of its own, shared by all of its kind.
@@ -229,7 +215,8 @@ fn sphere(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(),
     let radius = object.number_or("radius", 1.0)?;
     let whole = *to_world * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
     let map = affine(&whole);
-    let bsdf = object.nested().find(|(_, index)| out.scene.objects[*index].tag == "bsdf").map(|(_, index)| index);
+    let bsdf =
+        object.nested().find(|(_, index)| out.scene.objects[*index].tag == "bsdf").map(|(_, index)| index);
     let textured = match bsdf {
         Some(index) => {
             let name = material(out, index, title(object))?;

@@ -17,7 +17,11 @@ const IMAGES: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 const LINEAR: [&str; 2] = ["exr", "hdr"];
 
 /// Linear Rec.709 of a property that does not vary; `None` for what does.
-pub(super) fn constant(out: &mut Output<'_>, property: &Property, role: Role) -> Result<Option<[f64; 3]>, ConvertError> {
+pub(super) fn constant(
+    out: &mut Output<'_>,
+    property: &Property,
+    role: Role,
+) -> Result<Option<[f64; 3]>, ConvertError> {
     match &property.value {
         Value::Number(number) => Ok(Some([*number; 3])),
         Value::Integer(integer) => Ok(Some([*integer as f64; 3])),
@@ -31,7 +35,8 @@ pub(super) fn constant(out: &mut Output<'_>, property: &Property, role: Role) ->
         }
         Value::Object(index) => constant_object(out, *index, role),
         Value::Flag(_) | Value::Text(_) | Value::Vector(_) | Value::Transform(_) | Value::Reference(_) => {
-            let message = format!("found a {} as {:?}, expected a colour", property.value.kind(), property.name);
+            let message =
+                format!("found a {} as {:?}, expected a colour", property.value.kind(), property.name);
             Err(property.place.error(message))
         }
     }
@@ -48,7 +53,8 @@ fn constant_object(out: &mut Output<'_>, index: usize, role: Role) -> Result<Opt
         "uniform" => Color::Uniform(object.number_or("value", 1.0)?),
         "d65" => {
             let scale = object.number_or("scale", 1.0)?;
-            let tint = object.get("color").map(|property| constant(out, property, role)).transpose()?.flatten();
+            let tint =
+                object.get("color").map(|property| constant(out, property, role)).transpose()?.flatten();
             Color::Rgb(tint.unwrap_or([1.0; 3]).map(|channel| channel * scale))
         }
         "rgb" | "srgb" => {
@@ -72,7 +78,8 @@ fn constant_object(out: &mut Output<'_>, index: usize, role: Role) -> Result<Opt
                 let message = format!("found {} wavelengths and {} values", wavelengths.len(), values.len());
                 return Err(object.place.error(message));
             }
-            let pairs = wavelengths.into_iter().zip(values).map(|(wavelength, value)| [wavelength, value]).collect();
+            let pairs =
+                wavelengths.into_iter().zip(values).map(|(wavelength, value)| [wavelength, value]).collect();
             Color::table(pairs).map_err(|message| object.place.error(message))?
         }
         _ => return Ok(None),
@@ -82,7 +89,12 @@ fn constant_object(out: &mut Output<'_>, index: usize, role: Role) -> Result<Opt
 }
 
 /// A colour from 0 to 1 that may vary: a list, or a texture.
-pub(super) fn color(out: &mut Output<'_>, object: &Object, name: &str, default: f64) -> Result<Json, ConvertError> {
+pub(super) fn color(
+    out: &mut Output<'_>,
+    object: &Object,
+    name: &str,
+    default: f64,
+) -> Result<Json, ConvertError> {
     let Some(property) = object.get(name) else { return Ok(json!([default, default, default])) };
     if let Some(rgb) = constant(out, property, Role::Share)? {
         return Ok(json!(rgb.map(|channel| out.within(&property.place, name, channel, [0.0, 1.0]))));

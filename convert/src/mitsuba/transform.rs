@@ -28,7 +28,8 @@ pub(super) fn xyz(attributes: &Attributes, default: f64) -> Result<DVec3, String
 }
 
 fn rotate(axis: DVec3, degrees: f64) -> Result<DMat4, String> {
-    let axis = axis.try_normalize().ok_or("found a rotation about no axis, expected x, y or z other than 0")?;
+    let axis =
+        axis.try_normalize().ok_or("found a rotation about no axis, expected x, y or z other than 0")?;
     Ok(DMat4::from_axis_angle(axis, degrees.to_radians()))
 }
 
@@ -36,7 +37,9 @@ fn rotate(axis: DVec3, degrees: f64) -> Result<DMat4, String> {
 fn look_at(origin: &str, target: &str, up: Option<&str>) -> Result<DMat4, String> {
     let [origin, target] = [origin, target].map(|text| triple(text).map(DVec3::from_array));
     let (origin, target) = (origin?, target?);
-    let z = (target - origin).try_normalize().ok_or("found a target that is the origin, expected another point")?;
+    let z = (target - origin)
+        .try_normalize()
+        .ok_or("found a target that is the origin, expected another point")?;
     let up = up.map_or(Ok([0.0; 3]), triple).map(DVec3::from_array)?;
     let x = if up == DVec3::ZERO { tangents(z).0 } else { up.cross(z).normalize_or_zero() };
     if x == DVec3::ZERO {
@@ -86,7 +89,8 @@ pub(super) fn similarity(map: &DAffine3) -> Option<f64> {
     let m = map.matrix3;
     let scale = m.x_axis.length();
     let tolerance = 1.0e-5 * scale * scale;
-    let even = [m.y_axis, m.z_axis].iter().all(|axis| (axis.length_squared() - scale * scale).abs() <= tolerance);
+    let even =
+        [m.y_axis, m.z_axis].iter().all(|axis| (axis.length_squared() - scale * scale).abs() <= tolerance);
     let square = [m.x_axis.dot(m.y_axis), m.y_axis.dot(m.z_axis), m.z_axis.dot(m.x_axis)];
     (even && scale > 0.0 && square.iter().all(|dot| dot.abs() <= tolerance)).then_some(scale)
 }
@@ -99,7 +103,9 @@ mod tests {
 
     fn whole(text: &str) -> Result<DMat4, String> {
         let root = parse(&format!("<transform>{text}</transform>"), &"a.xml".into()).unwrap();
-        root.children.iter().try_fold(DMat4::IDENTITY, |before, child| Ok(operation(&child.tag, &child.attributes)? * before))
+        root.children
+            .iter()
+            .try_fold(DMat4::IDENTITY, |before, child| Ok(operation(&child.tag, &child.attributes)? * before))
     }
 
     fn maps(text: &str, from: [f64; 3], to: [f64; 3]) {
@@ -146,7 +152,13 @@ mod tests {
 
     #[test]
     fn tangents_make_a_right_handed_frame() {
-        for n in [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::new(1.0, -2.0, 3.0).normalize(), DVec3::new(0.3, 0.5, -0.9).normalize()] {
+        for n in [
+            DVec3::Z,
+            DVec3::NEG_Z,
+            DVec3::X,
+            DVec3::new(1.0, -2.0, 3.0).normalize(),
+            DVec3::new(0.3, 0.5, -0.9).normalize(),
+        ] {
             let (s, t) = tangents(n);
             assert!((s.cross(t) - n).length() < 1e-12 && s.dot(t).abs() < 1e-12, "{n}");
         }

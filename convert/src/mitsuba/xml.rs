@@ -3,6 +3,7 @@
 use std::rc::Rc;
 
 use quick_xml::Reader;
+use quick_xml::escape::unescape;
 use quick_xml::events::{BytesStart, Event};
 
 use super::place::Place;
@@ -54,7 +55,7 @@ pub(super) fn parse(text: &str, file: &Rc<str>) -> Result<Element, ConvertError>
             }
             Ok(Event::End(_)) => tree.close(),
             Ok(Event::Text(found)) => {
-                if !found.iter().all(u8::is_ascii_whitespace) {
+                if !found.chars().all(char::is_whitespace) {
                     let line = lines.of(reader.buffer_position());
                     return Err(Place { line, ..place }.error("found text between elements, expected none"));
                 }
@@ -70,16 +71,14 @@ pub(super) fn parse(text: &str, file: &Rc<str>) -> Result<Element, ConvertError>
 
 fn element(tag: &BytesStart<'_>, place: Place) -> Result<Element, ConvertError> {
     let broken = |error: &dyn std::fmt::Display| place.error(format!("found broken XML: {error}"));
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let mut attributes = Vec::new();
     for attribute in tag.attributes() {
         let attribute = attribute.map_err(|error| broken(&error))?;
-        let value = text(&attribute.value);
-        let value = quick_xml::escape::unescape(&value).map_err(|error| broken(&error))?.into_owned();
-        attributes.push((text(attribute.key.as_ref()), value));
+        let value = unescape(&attribute.value).map_err(|error| broken(&error))?.into_owned();
+        attributes.push((attribute.key.as_ref().to_owned(), value));
     }
     Ok(Element {
-        tag: text(tag.name().as_ref()),
+        tag: tag.name().as_ref().to_owned(),
         place,
         attributes: Attributes(attributes),
         children: Vec::new(),
@@ -158,7 +157,10 @@ mod tests {
     fn elements_know_their_lines() {
         let text = "<?xml version='1.0'?>\n<!-- a\n comment -->\n<scene version=\"3.0.0\">\n\n  <float name=\"x\"\n value=\"1 &lt; 2\"/>\n<bsdf/></scene>\n";
         let root = read(text).unwrap();
-        assert_eq!((root.tag.as_str(), root.place.line, root.attributes.get("version")), ("scene", 4, Some("3.0.0")));
+        assert_eq!(
+            (root.tag.as_str(), root.place.line, root.attributes.get("version")),
+            ("scene", 4, Some("3.0.0"))
+        );
         let lines: Vec<u32> = root.children.iter().map(|child| child.place.line).collect();
         assert_eq!(lines, [6, 8]);
         assert_eq!(root.children[0].attributes.get("value"), Some("1 < 2"));
