@@ -16,7 +16,7 @@ pub(crate) use slurm::{
     FramesArgs, MissingArgs, PilotsArgs, PreflightArgs, ShotArgs, SlurmCommand, TaskArgs, UpArgs,
 };
 pub(crate) use values::FrameList;
-use values::{address, crop, frames, positive, size, tile_size};
+use values::{address, crop, frames, positive, size, stops, tile_size};
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -205,10 +205,23 @@ pub(crate) struct CheckArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Prints, with --json under these names: identical (bits of R, G and B), mse, rel_mse = mean((a-b)²/(b²+0.01)),
-rel_mse_corrected (without the part of --reference-error), mean_rel_diff = mean(a)/mean(b) - 1 with its standard error
-mean_rel_diff_stderr, flip_mean (not computed yet: null), nonfinite_pixels (left out of the sums), width, height,
-sha256_a and sha256_b (of the R, G, B floats). Exit code 0 when the pictures could be compared, equal or not.")]
+Prints, with --json under these names:
+  identical             whether all bits of R, G and B are the same
+  mse                   mean((a-b)²)
+  rel_mse               mean((a-b)²/(b²+0.01))
+  rel_mse_corrected     rel_mse without the part of the reference, with --reference-error
+  rel_mse_expected      what noise alone would make of it: A's own estimate of its relMSE, from the file, and that of the
+                        reference, from --reference-error or the file; null where one of them is unknown
+  rel_mse_ratio         rel_mse / rel_mse_expected; well above 1 where the pictures differ in more than noise
+  mean_rel_diff         mean(a)/mean(b) - 1
+  mean_rel_diff_stderr  its standard error, from the spread of the pixels' differences: the noise of both pictures is in
+                        it, so it needs no --reference-error
+  mean_rel_diff_sigmas  mean_rel_diff / mean_rel_diff_stderr
+  flip_mean             FLIP (Andersson et al. 2020) of the standard view, 0 to 1: how different the pictures look
+  worst_tiles           the five tiles of 16x16 pixels with the largest rel_mse, and where they are from the upper left
+  nonfinite_pixels      pixels left out of the sums: infinite or not a number in one of the pictures
+  width, height, and sha256_a and sha256_b of the R, G, B floats
+What is not known is null. Exit code 0 when the pictures could be compared, equal or not.")]
 pub(crate) struct CompareArgs {
     /// The picture in question.
     pub(crate) a: PathBuf,
@@ -223,7 +236,11 @@ pub(crate) struct CompareArgs {
     /// Layer of the reference, where it is another one: `beauty` or a name.
     #[arg(long, value_name = "NAME")]
     pub(crate) reference_layer: Option<String>,
-    /// Write a picture of the relative difference.
+    /// Judge both pictures 2^STOPS times as bright, as the film's `exposure` does.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true, value_parser = stops)]
+    pub(crate) exposure: f32,
+    /// Write a picture of the relative difference: red where A is brighter, blue where it is darker, black where both
+    /// are the same, full colour from 100 % on.
     #[arg(long, value_name = "D.png")]
     pub(crate) diff: Option<PathBuf>,
 }

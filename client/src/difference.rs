@@ -1,5 +1,13 @@
 //! How much two pictures of the same size differ: sums in f64 over R, G, B of all finite pixels.
 
+mod flip;
+mod picture;
+mod tiles;
+
+pub(crate) use flip::flip_mean;
+pub(crate) use picture::picture;
+pub(crate) use tiles::{Tile, worst_tiles};
+
 /// A picture's colours, row by row.
 pub(crate) type Pixels = Vec<[f32; 3]>;
 
@@ -59,7 +67,7 @@ impl Sums {
         let mut diff = 0.0;
         for (a, b) in a.into_iter().zip(b) {
             self.squared += (a - b) * (a - b);
-            self.relative += (a - b) * (a - b) / (b * b + 0.01);
+            self.relative += relative_square(a, b);
             self.reference += b;
             diff += a - b;
         }
@@ -69,18 +77,14 @@ impl Sums {
     }
 }
 
-/// |a − b| / (|b| + 0.1) per channel: 1 is a difference as large as a bright reference.
-pub(crate) fn relative_difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> Pixels {
-    let channel = |a: f32, b: f32| {
-        let value = (a - b).abs() / (b.abs() + 0.1);
-        if value.is_finite() { value } else { 1.0 }
-    };
-    a.iter().zip(b).map(|(a, b)| [channel(a[0], b[0]), channel(a[1], b[1]), channel(a[2], b[2])]).collect()
+/// What one value adds to relMSE.
+fn relative_square(a: f64, b: f64) -> f64 {
+    (a - b) * (a - b) / (b * b + 0.01)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{difference, relative_difference};
+    use super::difference;
 
     #[test]
     fn equal_pictures_are_identical() {
@@ -108,10 +112,33 @@ mod tests {
     }
 
     #[test]
+    fn the_standard_error_is_the_spread_of_means_of_noisy_pictures() {
+        // Noise of a standard deviation of 1/√12 in each of three channels over a grey of 2.
+        let noisy = |seed: u64| -> Vec<[f32; 3]> {
+            let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+            let mut next = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 40) as f32 / (1 << 24) as f32 + 1.5
+            };
+            (0..1000).map(|_| [next(), next(), next()]).collect()
+        };
+        let pairs = (0..200).map(|pair| difference(&noisy(2 * pair + 1), &noisy(2 * pair + 2)));
+        let found: Vec<(f64, f64)> =
+            pairs.map(|found| (found.mean_rel_diff.unwrap(), found.mean_rel_diff_stderr.unwrap())).collect();
+        // √(2 / 12) of a value, √3000 of them, over 2.
+        let expected = (2.0_f64 / 12.0 / 3000.0).sqrt() / 2.0;
+        for (_, stderr) in &found {
+            assert!((stderr / expected - 1.0).abs() < 0.15, "{stderr}, expected {expected}");
+        }
+        let spread = (found.iter().map(|(mean, _)| mean * mean).sum::<f64>() / 200.0).sqrt();
+        // The spread of 200 is known within 1/√400 of itself; four times that.
+        assert!((spread / expected - 1.0).abs() < 0.2, "{spread}, expected {expected}");
+    }
+
+    #[test]
     fn bad_pixels_are_counted_and_left_out() {
         let found = difference(&[[f32::NAN, 1.0, 1.0], [1.0; 3]], &[[1.0; 3], [1.0; 3]]);
         assert_eq!((found.nonfinite_pixels, found.mse), (1, 0.0));
-        assert_eq!(relative_difference(&[[f32::NAN; 3]], &[[1.0; 3]]), [[1.0; 3]]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use karst_core::encode::{Layers, write_exr};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const COMMANDS: [&str; 11] =
     ["render", "check", "compare", "submit", "watch", "view", "page", "fetch", "jobs", "cancel", "slurm"];
@@ -59,6 +59,17 @@ fn exr(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3]) {
 
 /// The same with a denoised layer of one colour.
 fn exr_with(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3], denoised: Option<[f32; 3]>) {
+    exr_by(path, width, color, denoised, &Value::Null);
+}
+
+/// The same with what karst says about the picture.
+fn exr_by(
+    path: &Path,
+    width: u32,
+    color: impl Fn(usize) -> [f32; 3],
+    denoised: Option<[f32; 3]>,
+    statistics: &Value,
+) {
     let count = width as usize * 2;
     let pixels: Vec<_> = (0..count).map(|index| color(index).into()).collect();
     let denoised: Option<Vec<_>> = denoised.map(|color| (0..count).map(|_| color.into()).collect());
@@ -73,7 +84,7 @@ fn exr_with(path: &Path, width: u32, color: impl Fn(usize) -> [f32; 3], denoised
         error: None,
         denoised: denoised.as_deref(),
     };
-    std::fs::write(path, write_exr(&layers, &Value::Null).unwrap()).unwrap();
+    std::fs::write(path, write_exr(&layers, statistics).unwrap()).unwrap();
 }
 
 struct Pair {
@@ -106,7 +117,8 @@ fn equal_pictures_compare_as_identical() {
     assert_eq!(found["identical"], true);
     assert_eq!((&found["mse"], &found["width"], &found["height"]), (&0.0.into(), &4.into(), &2.into()));
     assert_eq!(found["sha256_a"], found["sha256_b"]);
-    assert_eq!(found["flip_mean"], Value::Null);
+    assert_eq!((&found["flip_mean"], &found["worst_tiles"]), (&0.0.into(), &Value::Array(Vec::new())));
+    assert_eq!((&found["rel_mse_expected"], &found["mean_rel_diff_sigmas"]), (&Value::Null, &Value::Null));
 }
 
 #[test]
@@ -121,6 +133,54 @@ fn a_brighter_picture_is_measured() {
     assert!((number("rel_mse_corrected") - (0.01 / 1.01 - 0.0025)).abs() < 1e-7);
     assert!((number("mean_rel_diff") - 0.1).abs() < 1e-6);
     assert!(std::fs::read(&files.diff).unwrap().starts_with(b"\x89PNG"));
+    let tile = &found["worst_tiles"][0];
+    assert_eq!((&tile["x"], &tile["y"], &tile["width"], &tile["height"]), (&0.into(), &0.into(), &4.into(), &2.into()));
+    assert!((tile["rel_mse"].as_f64().unwrap() - 0.01 / 1.01).abs() < 1e-7);
+    // Above white both look the same; two stops darker they do not, and differ by 0.025 of 0.25.
+    assert_eq!(number("flip_mean"), 0.0);
+    let darker = compared(&[&files.a, &files.b, "--exposure", "-2"]);
+    assert!(darker["flip_mean"].as_f64().unwrap() > 0.01, "{darker}");
+    assert!((darker["rel_mse"].as_f64().unwrap() - 0.025 * 0.025 / (0.0625 + 0.01)).abs() < 1e-7);
+    assert_eq!((&darker["sha256_a"], &darker["identical"]), (&found["sha256_a"], &false.into()));
+}
+
+#[test]
+fn what_noise_alone_would_make_of_it_comes_from_the_files() {
+    let files = pair(|index| [[1.2, 0.9][index % 2]; 3], |_| [1.0; 3]);
+    let known = |path: &str, rel_mse: f64, color: f32| {
+        exr_by(Path::new(path), 4, |_| [color; 3], None, &json!({ "rel_mse": rel_mse }));
+    };
+    known(&files.a, 0.003, 1.1);
+    let expected = |line: &[&str]| {
+        let found = compared(&[&[files.a.as_str(), files.b.as_str()], line].concat());
+        assert_eq!(found["rel_mse_ratio"].is_null(), found["rel_mse_expected"].is_null());
+        found["rel_mse_expected"].as_f64()
+    };
+    assert_eq!(expected(&[]), None);
+    assert_eq!(expected(&["--reference-error", "0.125"]), Some(0.003 + 0.015_625));
+    known(&files.b, 0.001, 1.0);
+    assert_eq!(expected(&[]), Some(0.004));
+    assert_eq!(expected(&["--reference-error", "0.125"]), Some(0.003 + 0.015_625));
+    let ratio = compared(&[&files.a, &files.b])["rel_mse_ratio"].as_f64().unwrap();
+    assert!((ratio - 0.01 / 1.01 / 0.004).abs() < 1e-4, "{ratio}");
+    let table = karst(&["compare", &files.a, &files.b]);
+    let table = String::from_utf8(table.stdout).unwrap();
+    for line in ["rel_mse_ratio         2.47", "flip_mean             ", "worst tile            9.9", "  4x2 at 0,0"] {
+        assert!(table.contains(line), "{line:?} is not in\n{table}");
+    }
+}
+
+#[test]
+fn the_standard_error_says_how_sure_the_mean_is() {
+    let files = pair(|index| [[1.2, 0.9][index % 2]; 3], |_| [1.0; 3]);
+    let found = compared(&[&files.a, &files.b]);
+    let number = |name: &str| found[name].as_f64().unwrap();
+    // Sums of a pixel's three differences are 0.6 and -0.3, four of each: variance 8/7 of 0.45 squared, of the mean an
+    // eighth of it; over 3.
+    let stderr = (8.0_f64 / 7.0 * 0.45 * 0.45 / 8.0).sqrt() / 3.0;
+    assert!((number("mean_rel_diff") - 0.05).abs() < 1e-6, "{found}");
+    assert!((number("mean_rel_diff_stderr") - stderr).abs() < 1e-6, "{found}");
+    assert!((number("mean_rel_diff_sigmas") - 0.05 / stderr).abs() < 1e-4, "{found}");
 }
 
 #[test]

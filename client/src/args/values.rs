@@ -89,9 +89,17 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a finite number above 0".to_owned())
 }
 
+/// An exposure, -64 to 64.
+pub(super) fn stops(text: &str) -> Result<f32, String> {
+    text.parse()
+        .ok()
+        .filter(|stops: &f32| (-64.0..=64.0).contains(stops))
+        .ok_or_else(|| "expected a number of stops from -64 to 64".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{FrameList, address, crop, frames, size};
+    use super::{FrameList, address, crop, frames, size, stops};
     use karst_core::film::Region;
 
     #[test]
@@ -134,5 +142,11 @@ mod tests {
         for wrong in ["1,2,3", "0,0,0,1", "4294967295,0,1,1", "0,0,-1,1", "1,2,3,4,5"] {
             assert!(crop(wrong).is_err(), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn exposures() {
+        assert_eq!((stops("-2.5"), stops("64")), (Ok(-2.5), Ok(64.0)));
+        assert!(["65", "inf", "nan", "a stop", ""].into_iter().all(|text| stops(text).is_err()));
     }
 }

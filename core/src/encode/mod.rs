@@ -12,7 +12,7 @@ mod view;
 pub use exr_read::{ExrImage, read_exr};
 pub use exr_write::{Layers, exr, write_exr};
 pub use heat::{false_color, heat_map};
-pub use png::{png, png_rgb8};
+pub use png::{png, png_rgb8, rgb8};
 pub use statistics::statistics;
 pub use view::display;
 

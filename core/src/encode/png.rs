@@ -26,12 +26,15 @@ pub fn png(
         return Err(EncodeError::Exposure { found: exposure });
     }
     check_plane("color", color.len(), width, height)?;
-    let (gain, curve) = (libm::exp2f(exposure), Srgb8::new());
-    let pixels: Vec<[u8; 3]> = color
-        .iter()
-        .map(|&light| display(light * gain, view).to_array().map(|value| curve.encode(value)))
-        .collect();
-    png_rgb8(&pixels, width, height)
+    let gain = libm::exp2f(exposure);
+    let light: Vec<Vec3> = color.iter().map(|&light| light * gain).collect();
+    png_rgb8(&rgb8(&light, view), width, height)
+}
+
+/// Linear Rec.709 light as 8-bit sRGB through the view.
+pub fn rgb8(color: &[Vec3], view: View) -> Vec<[u8; 3]> {
+    let curve = Srgb8::new();
+    color.iter().map(|&light| display(light, view).to_array().map(|value| curve.encode(value))).collect()
 }
 
 /// Encodes 8-bit sRGB pixels, row-major, as a PNG.

@@ -1,8 +1,22 @@
-//! Owns colours that vary over a surface.
+//! Owns colours and numbers that vary over a surface.
+//!
+//! Every texture maps the surface's uv by its transform first. Textures are y-up: v = 0 is the bottom of an image.
+//! Where a coordinate is not finite, before or after the transform, a texture is black and 0. Values are what the
+//! texture holds: ending them at the range of a parameter is the caller's.
 
+mod checkerboard;
+mod fbm;
 mod image;
+mod image_texture;
 
-pub use image::{Image, ImageError};
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+pub use self::checkerboard::Checkerboard;
+pub use self::fbm::Fbm;
+pub use self::image::{Image, ImageError};
+pub use self::image_texture::ImageTexture;
 
 /// What the numbers in an image file mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,4 +60,196 @@ pub enum Channel {
     Blue,
     /// Alpha, 1 where there is none.
     Alpha,
+}
+
+/// A colour that varies over a surface.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Texture {
+    /// The texels of a file.
+    Image(ImageTexture),
+    /// Two colours in squares.
+    Checkerboard(Checkerboard),
+    /// Fractal noise between two colours.
+    Fbm(Fbm),
+}
+
+impl Texture {
+    /// Linear Rec.709 colour at a texture coordinate of the surface.
+    pub fn color(&self, uv: Vec2) -> Vec3 {
+        match self {
+            Self::Image(image) => image.color(uv),
+            Self::Checkerboard(board) => board.color(uv),
+            Self::Fbm(fbm) => fbm.color(uv),
+        }
+    }
+
+    /// A number at a texture coordinate of the surface: the chosen channel of an image, otherwise the luminance.
+    pub fn number(&self, uv: Vec2) -> f32 {
+        match self {
+            Self::Image(image) => image.number(uv),
+            Self::Checkerboard(board) => crate::color::luminance(board.color(uv)),
+            Self::Fbm(fbm) => crate::color::luminance(fbm.color(uv)),
+        }
+    }
+}
+
+impl Texture {
+    /// Distance in the surface's uv over which the texture changes little: half a texel, a fraction of the finest cell.
+    fn detail(&self) -> f32 {
+        let (detail, transform) = match self {
+            Self::Image(t) => (0.5 / t.image.width().max(t.image.height()) as f32, t.transform),
+            Self::Checkerboard(t) => (1.0 / 1024.0, t.transform),
+            Self::Fbm(t) => {
+                let finest = t.frequency * crate::math::powf(t.lacunarity, (t.octaves - 1) as f32);
+                (0.125 / finest, t.transform)
+            }
+        };
+        let stretch = transform.matrix2.x_axis.length().max(transform.matrix2.y_axis.length());
+        // Finer differences would be rounding error.
+        if stretch > 0.0 { (detail / stretch).clamp(1.0e-5, 1.0e3) } else { 1.0 }
+    }
+}
+
+/// A colour that may vary over a surface.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Color {
+    /// The same everywhere, linear Rec.709.
+    Constant(Vec3),
+    /// Another at every point.
+    Texture(Arc<Texture>),
+}
+
+impl Color {
+    /// Linear Rec.709 colour at a texture coordinate of the surface.
+    #[inline]
+    pub fn at(&self, uv: Vec2) -> Vec3 {
+        match self {
+            Self::Constant(color) => *color,
+            Self::Texture(texture) => texture.color(uv),
+        }
+    }
+}
+
+/// A number that may vary over a surface.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Number {
+    /// The same everywhere.
+    Constant(f32),
+    /// Another at every point.
+    Texture(Arc<Texture>),
+}
+
+impl Number {
+    /// The number at a texture coordinate of the surface.
+    #[inline]
+    pub fn at(&self, uv: Vec2) -> f32 {
+        match self {
+            Self::Constant(number) => *number,
+            Self::Texture(texture) => texture.number(uv),
+        }
+    }
+
+    /// How the number changes with u and with v, by central differences over the texture's finest detail.
+    pub fn gradient(&self, uv: Vec2) -> Vec2 {
+        let Self::Texture(texture) = self else { return Vec2::ZERO };
+        let step = texture.detail();
+        let change = |axis: Vec2| texture.number(uv + axis * step) - texture.number(uv - axis * step);
+        Vec2::new(change(Vec2::X), change(Vec2::Y)) / (2.0 * step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        Channel, Checkerboard, Color, ColorSpace, Fbm, Image, ImageTexture, Number, Texture, TextureFilter, Wrap,
+    };
+    use glam::{Affine2, Vec2, Vec3};
+    use std::io::Cursor;
+    use std::sync::Arc;
+
+    /// Textures of all kinds, none of them black anywhere.
+    fn all(transform: Affine2) -> Vec<Texture> {
+        let mut png = Cursor::new(Vec::new());
+        let texels = (0..15).map(|texel| 100 + 10 * texel).collect();
+        let file = image::GrayImage::from_vec(5, 3, texels).unwrap();
+        file.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let image = Arc::new(Image::read(&png.into_inner(), 15).unwrap());
+        let colors = [Vec3::new(0.25, 0.5, 0.75), Vec3::new(0.75, 0.5, 0.25)];
+        let fbm = Fbm { colors, octaves: 16, gain: 1.0, lacunarity: 16.0, frequency: 1.0e6, seed: 7, transform };
+        let mut all = vec![Texture::Checkerboard(Checkerboard { colors, transform }), Texture::Fbm(fbm)];
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for filter in [TextureFilter::Bilinear, TextureFilter::Nearest] {
+                all.push(Texture::Image(ImageTexture {
+                    image: image.clone(),
+                    color_space: ColorSpace::Linear,
+                    channel: Channel::Red,
+                    wrap,
+                    filter,
+                    transform,
+                }));
+            }
+        }
+        all
+    }
+
+    const HOSTILE: [f32; 12] = [
+        0.0,
+        -0.0,
+        -1.0e-30,
+        f32::MIN_POSITIVE / 2.0,
+        1.0 - f32::EPSILON / 2.0,
+        -1.0 + f32::EPSILON / 2.0,
+        1.0e9,
+        -1.0e9,
+        8_388_607.5,
+        1.0e30,
+        f32::MAX,
+        f32::MIN,
+    ];
+
+    #[test]
+    fn any_finite_coordinate_has_a_value_that_the_texture_holds() {
+        for texture in all(Affine2::IDENTITY) {
+            for u in HOSTILE {
+                for v in HOSTILE {
+                    let uv = Vec2::new(u, v);
+                    let (color, number) = (texture.color(uv), texture.number(uv));
+                    let held = |value: f32| (0.2499..=0.9413).contains(&value);
+                    assert!(color.to_array().into_iter().all(held), "({u}, {v}): {color} in {texture:?}");
+                    assert!(held(number), "({u}, {v}): {number} in {texture:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn coordinates_that_are_not_finite_are_black() {
+        let black = |texture: &Texture, uv: Vec2| {
+            assert_eq!((texture.color(uv), texture.number(uv)), (Vec3::ZERO, 0.0), "{uv}: {texture:?}");
+        };
+        for texture in all(Affine2::IDENTITY) {
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                black(&texture, Vec2::new(bad, 0.5));
+                black(&texture, Vec2::new(0.5, bad));
+            }
+        }
+        for texture in all(Affine2::from_scale(Vec2::splat(1.0e30))) {
+            black(&texture, Vec2::new(0.5, 1.0e20));
+        }
+    }
+
+    #[test]
+    fn constants_are_the_same_everywhere_and_textures_are_looked_up() {
+        let (here, there) = (Vec2::new(0.1, 0.1), Vec2::new(0.9, 0.1));
+        let color = Color::Constant(Vec3::X);
+        assert_eq!([color.at(here), color.at(Vec2::NAN)], [Vec3::X; 2]);
+        assert_eq!(Number::Constant(2.0).at(there), 2.0);
+        let colors = [Vec3::X, Vec3::Y];
+        let board = Arc::new(Texture::Checkerboard(Checkerboard { colors, transform: Affine2::IDENTITY }));
+        let color = Color::Texture(board.clone());
+        assert_eq!([color.at(here), color.at(there)], colors);
+        // The luminance of red and of green.
+        let number = Number::Texture(board);
+        assert_eq!([number.at(here), number.at(there)], [0.2126, 0.7152]);
+    }
 }
