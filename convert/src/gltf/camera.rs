@@ -16,6 +16,9 @@ const VFOV: f64 = 40.0;
 /// Sine of half that angle.
 const HALF_VFOV_SINE: f64 = 0.342;
 
+/// Coordinates beyond which nothing is shown: their squares still fit single precision.
+const FAR: f64 = 1.0e18;
+
 /// A view of the scene.
 #[derive(Debug)]
 pub(super) struct View {
@@ -70,6 +73,8 @@ fn upright(world: &DAffine3) -> Option<DAffine3> {
 /// A view that shows everything between two corners of a box.
 pub(super) fn whole(low: DVec3, high: DVec3) -> View {
     let (low, high) = if low.cmple(high).all() { (low, high) } else { (DVec3::NEG_ONE, DVec3::ONE) };
+    let reach = DVec3::splat(FAR);
+    let (low, high) = (low.clamp(-reach, reach), high.clamp(-reach, reach));
     let center = (low + high) / 2.0;
     // Far from the origin a small scene must not make eye and target one.
     let least = 1.0e-6 * center.length().max(1.0e-6);

@@ -10,7 +10,7 @@ impl Mesh {
         let (normals, uvs) = (every(self.normals.len()), every(self.uvs.len()));
         let columns = [(true, "x y z"), (normals, "nx ny nz"), (uvs, "u v")];
         let written = columns.iter().filter(|(there, _)| *there).flat_map(|(_, names)| names.split(' '));
-        let properties: String = written.map(|name| format!("property float {name}\n")).collect();
+        let properties: String = written.map(|name| ["property float ", name, "\n"].concat()).collect();
         let header = format!(
             "ply\nformat binary_little_endian 1.0\nelement vertex {}\n{properties}element face {}\n\
              property list uchar uint vertex_indices\nend_header\n",
