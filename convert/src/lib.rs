@@ -4,6 +4,7 @@
 //! different ([`Note`]), and makes an error only of what cannot be read at all.
 
 mod error;
+mod gltf;
 mod mitsuba;
 mod note;
 mod ply;
@@ -17,6 +18,7 @@ use karst_core::scene::AssetSource;
 use serde_json::Value;
 
 pub use error::ConvertError;
+use karst_core::scene::Limits;
 pub use note::{Note, NoteKind};
 
 /// A scene of another renderer as a karst document.
@@ -96,7 +98,7 @@ pub enum Asset {
 }
 
 /// Endings of the files that [`convert`] reads, in lower case without the dot.
-pub const EXTENSIONS: [&str; 1] = ["xml"];
+pub const EXTENSIONS: [&str; 3] = ["xml", "gltf", "glb"];
 
 /// Whether [`convert`] reads files of this name.
 pub fn reads(path: &Path) -> bool {
@@ -110,8 +112,18 @@ pub fn reads(path: &Path) -> bool {
 pub fn convert(path: &Path) -> Result<Converted, ConvertError> {
     match extension(path).as_deref() {
         Some("xml") => mitsuba::convert(path),
+        Some("gltf" | "glb") => gltf::convert(path),
         _ => Err(ConvertError::Unknown { path: path.to_owned() }),
     }
+}
+
+/// Reads a glTF scene whose bytes are at hand, JSON or binary, with everything it needs inside; `name` stands in
+/// messages. What it becomes stays within `limits`.
+///
+/// # Errors
+/// As for [`convert`]; also where the scene names files beside it.
+pub fn convert_gltf(bytes: &[u8], name: &str, limits: &Limits) -> Result<Converted, ConvertError> {
+    gltf::read(bytes, name, None, limits)
 }
 
 fn extension(path: &Path) -> Option<String> {
