@@ -63,7 +63,7 @@ impl Lights {
         }
         let numbers = self.infinite.iter().map(|&i| i as usize);
         let weights = numbers.map(|i| (i, self.importance(i, from)));
-        pick(weights, (u - share) / (1.0 - share) * beside).map(|(i, w)| (i, w / beside * (1.0 - share)))
+        pick(weights, (u - share) / (1.0 - share) * beside).map(|(i, w)| (i, (1.0 - share) * w / beside))
     }
 
     /// Probability with which [`Lights::choose`] takes a light.
