@@ -147,6 +147,7 @@ fn environment(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, 
     let path = out.file("textures", &source);
     let mut found =
         fields("environment", [("radiance", json!([scale, scale, scale])), ("image", json!(path))]);
+    found.insert("rows_at_poles".to_owned(), json!(true));
     let turn = DAffine3::from_mat3(affine(&object.transform("to_world")?).matrix3);
     if turn.matrix3.determinant() == 0.0 {
         return Err(object.place.error("found a transform that cannot be inverted, expected a rotation"));

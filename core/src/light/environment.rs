@@ -25,6 +25,8 @@ pub struct EnvironmentLight {
 struct ImageMap {
     image: Arc<Image>,
     color_space: ColorSpace,
+    /// Whether the first and last row of texels lie on the poles, and not half a texel off them.
+    rows_at_poles: bool,
     /// Orthonormal.
     to_local: Mat3,
     map: SphereMap,
@@ -38,13 +40,14 @@ impl EnvironmentLight {
 
     /// An image times a radiance. In the light's own frame its middle is in direction +z, its upper edge is +y, and it
     /// is seen from inside: what is on the right in the image is in direction −x. Of the map to the world only the
-    /// rotation counts, and whether it mirrors. Byte images have the sRGB curve, floats are linear.
-    pub fn image(radiance: Vec3, image: Arc<Image>, to_world: DMat3) -> Self {
+    /// rotation counts, and whether it mirrors. Byte images have the sRGB curve, floats are linear. Texels fill the map
+    /// evenly, unless `rows_at_poles` puts the centres of the first and last row on the poles.
+    pub fn image(radiance: Vec3, image: Arc<Image>, to_world: DMat3, rows_at_poles: bool) -> Self {
         let color_space = if image.is_float() { ColorSpace::Linear } else { ColorSpace::Srgb };
         let brightness = |x, y| luminance(radiance * image.texel(x, y, color_space));
         let map = SphereMap::new([image.width(), image.height()], brightness);
         let to_local = rotation(to_world).transpose().as_mat3();
-        Self { radiance, map: Some(Arc::new(ImageMap { image, color_space, to_local, map })) }
+        Self { radiance, map: Some(Arc::new(ImageMap { image, color_space, rows_at_poles, to_local, map })) }
     }
 
     pub(super) fn sample(&self, u: Vec2) -> Option<LightSample> {
@@ -80,7 +83,8 @@ impl ImageMap {
     fn lookup(&self, uv: Vec2) -> Vec3 {
         let (width, height) = (self.image.width(), self.image.height());
         let x = uv.x * width as f32 - 0.5;
-        let y = (uv.y * height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
+        let last = (height - 1) as f32;
+        let y = if self.rows_at_poles { uv.y * last } else { uv.y * height as f32 - 0.5 }.clamp(0.0, last);
         let wrap = |column: i64| column.rem_euclid(i64::from(width)) as u32;
         let (x0, x1) = (wrap(x.floor() as i64), wrap(x.floor() as i64 + 1));
         let (y0, y1) = (y as u32, (y as u32 + 1).min(height - 1));

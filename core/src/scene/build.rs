@@ -17,7 +17,7 @@ use crate::math::{Aabb, Transform};
 use crate::mesh::Mesh;
 use crate::sampler::Stream;
 use crate::sdf::{Sdf, Settings};
-use glam::{DAffine3, DMat3, Vec3};
+use glam::{DAffine3, Vec3};
 
 impl Scene {
     /// Compiles one frame. `frame` takes part in the random numbers; the description is already that frame's.
@@ -199,8 +199,8 @@ impl Builder<'_> {
         let description = self.description;
         for (name, light) in description.lights.iter() {
             let compiled = match light {
-                doc::Light::Environment { radiance, image, transform } => {
-                    self.environment(name, *radiance, image.as_deref(), *transform)
+                doc::Light::Environment { radiance, image, rows_at_poles, transform } => {
+                    self.environment(name, *radiance, image.as_deref(), *transform, *rows_at_poles)
                 }
                 doc::Light::Point { position, intensity } => {
                     Some(Light::Point(PointLight { position: *position, intensity: *intensity }))
@@ -230,6 +230,7 @@ impl Builder<'_> {
         radiance: Vec3,
         image: Option<&str>,
         transform: DAffine3,
+        rows_at_poles: bool,
     ) -> Option<Light> {
         let Some(file) = image else {
             return Some(Light::Environment(EnvironmentLight::constant(radiance)));
@@ -238,10 +239,9 @@ impl Builder<'_> {
         if image.is_none() {
             self.problem(&format!("lights.{name}.image"), &format!("the image {file} has not been loaded"));
         }
-        // Only the rotation counts: what is left when scale and shear are taken away.
-        let (_, rotation, _) = transform.to_scale_rotation_translation();
-        let to_world = DMat3::from_quat(rotation);
-        image.map(|image| Light::Environment(EnvironmentLight::image(radiance, image, to_world)))
+        image.map(|image| {
+            Light::Environment(EnvironmentLight::image(radiance, image, transform.matrix3, rows_at_poles))
+        })
     }
 }
 

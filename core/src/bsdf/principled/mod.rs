@@ -263,9 +263,12 @@ impl Principled {
                 glass: 1.0,
             });
         }
-        // Sheen brings at most some tenth of its factor, and has no lobe of its own.
-        let cosine = lobes.diffuse * luminance(self.diffuse.base) + 0.1 * lobes.sheen;
-        let metal = lobes.metal * luminance(schlick(self.metal.c0, wo.z));
+        // Sheen brings some tenth of its factor, more at grazing angles, and has no lobe of its own.
+        let sheen = lobes.sheen * (0.1 + 0.9 * grazing(wo.z));
+        let cosine = lobes.diffuse * luminance(self.diffuse.base) + sheen;
+        // Rough facets reflect at other angles too: on average Schlick's term adds 1/21 to a black metal.
+        let spread = self.metal.facets.alpha.max_element().min(1.0) / 21.0;
+        let metal = lobes.metal * luminance(self.metal.c0.lerp(Vec3::ONE, grazing(wo.z).max(spread)));
         let clearcoat = lobes.clearcoat * (0.04 + 0.96 * grazing(wo.z));
         let glass = lobes.glass * self.glass.brightness(wo);
         let sum = cosine + metal + clearcoat + glass;

@@ -24,7 +24,7 @@ fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> f32) -> Arc<Image>
 }
 
 fn lights(image: Arc<Image>, to_world: DMat3) -> Lights {
-    let light = EnvironmentLight::image(Vec3::ONE, image, to_world);
+    let light = EnvironmentLight::image(Vec3::ONE, image, to_world, false);
     Lights::new(vec![Light::Environment(light)], &Aabb::EMPTY)
 }
 
@@ -187,8 +187,8 @@ fn a_constant_environment_brings_pi() {
 fn black_environments_are_no_trouble() {
     let black = image(4, 2, |_, _| 0.0);
     let dark = [
-        EnvironmentLight::image(Vec3::ONE, black.clone(), DMat3::IDENTITY),
-        EnvironmentLight::image(Vec3::ZERO, lively(4.0), DMat3::ZERO),
+        EnvironmentLight::image(Vec3::ONE, black.clone(), DMat3::IDENTITY, false),
+        EnvironmentLight::image(Vec3::ZERO, lively(4.0), DMat3::ZERO, false),
         EnvironmentLight::constant(Vec3::ZERO),
     ];
     for light in dark {

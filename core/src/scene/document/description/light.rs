@@ -19,6 +19,8 @@ variants! {
             /// map of longitude and latitude. Its middle is in direction +z of the light's own frame, its upper edge is
             /// +y, and it is seen from inside: what is on the right in the image is in direction -x.
             image: Option<String> = optional().file(AssetKind::Image);
+            /// Whether the first and last row of texels lie on the poles, as Mitsuba has it, and not half a texel off them.
+            rows_at_poles: bool = or(false);
             /// Turns the light's own frame; translation has no effect.
             transform: DAffine3 = or(DAffine3::IDENTITY);
         }
