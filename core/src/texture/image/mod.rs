@@ -23,10 +23,18 @@ pub enum ImageError {
     #[error("not an EXR image that can be read: {0}")]
     Exr(#[from] exr::error::Error),
     /// An EXR file without colours.
-    #[error("found channels {found}; expected R, G and B, or Y, or one channel, in flat pixels, not subsampled")]
+    #[error(
+        "found channels {found}; expected R, G and B, or Y, or one channel, in flat pixels, not subsampled"
+    )]
     Channels {
         /// Names of the channels of all parts.
         found: String,
+    },
+    /// An EXR file whose values would depend on the machine that reads it.
+    #[error("has {name}, which is not read: its values differ between machines; save it with ZIP or PIZ")]
+    Compression {
+        /// Name of the compression.
+        name: String,
     },
     /// More texels than are left of the limit.
     #[error("has {width} x {height} texels, {left} are left of the limit for all images together")]
