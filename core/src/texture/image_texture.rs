@@ -55,7 +55,7 @@ impl ImageTexture {
         let (u, v) = (inside(place.x, self.wrap), inside(place.y, self.wrap));
         let (width, height) = (self.image.width(), self.image.height());
         // Rows of the image run down, v upwards.
-        let texel = |x: u32, up: u32| texel(x, height - 1 - up);
+        let texel = |x: u32, up: u32| texel(x, up);
         Some(match self.filter {
             TextureFilter::Nearest => texel(nearest(u, width), nearest(v, height)),
             TextureFilter::Bilinear => {
