@@ -15,8 +15,6 @@ pub enum Decision {
     Lens,
     /// Which light to sample.
     LightChoice(u32),
-    /// Which part of the light (triangle of a mesh).
-    LightPart(u32),
     /// Point on the light.
     LightPoint(u32),
     /// Which lobe of the material.
@@ -25,6 +23,8 @@ pub enum Decision {
     Direction(u32),
     /// Whether the path goes on.
     Roulette(u32),
+    /// Whether the path is stopped by a surface that is there in part: of a bounce, the crossing of that number.
+    Opacity(u32, u32),
 }
 
 impl Decision {
@@ -36,11 +36,12 @@ impl Decision {
             Self::Filter => 0,
             Self::Lens => 1,
             Self::LightChoice(b) => of(0, b),
-            Self::LightPart(b) => of(1, b),
             Self::LightPoint(b) => of(2, b),
             Self::Lobe(b) => of(3, b),
             Self::Direction(b) => of(4, b),
             Self::Roulette(b) => of(5, b),
+            // Bounces stay below 2¹² and crossings below 2¹⁵, so that no two decisions share a number.
+            Self::Opacity(b, crossing) => of(6, b) + (crossing << 17),
         }
     }
 }

@@ -1,8 +1,9 @@
 //! `karst check`: everything that a render would find wrong, without rendering.
 
 use karst_client::{Error, read_document, scene_error, scene_folder};
-use karst_core::scene::{Assets, Document, Folder, Limits, Problems, Scene};
+use karst_core::scene::{AlbedoPeak, Assets, Document, Folder, Limits, Problems, Scene};
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 
 use crate::args::CheckArgs;
 use crate::talk::Talk;
@@ -37,7 +38,9 @@ fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problem
     let description = document.at(frames.first)?;
     let scene = Scene::build(&description, &assets, frames.first)?;
     let size = scene.size();
-    let text = format!(
+    let names: Vec<&str> = description.materials.iter().map(|(name, _)| name).collect();
+    let peaks = scene.albedo_peaks();
+    let mut text = format!(
         "{}: valid, {}x{} pixels, frames {} to {}, {} files",
         args.scene.display(),
         size.width,
@@ -46,6 +49,16 @@ fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problem
         frames.last,
         document.assets().len()
     );
+    for peak in &peaks {
+        let name = names[peak.material];
+        let (share, angle) = (peak.albedo, peak.angle);
+        let _ = write!(text, "\nmaterial {name:?}: reflects at most {share:.3} of white light, at {angle:.0} degrees");
+        // Of estimates to half a percent.
+        if share > 1.005 {
+            text += "; it gains energy, which \"energy_conserving\": true prevents";
+        }
+    }
+    let albedo = |peak: &AlbedoPeak| json!({"material": names[peak.material], "albedo": peak.albedo, "angle": peak.angle});
     let json = json!({
         "valid": true,
         "width": size.width,
@@ -53,6 +66,7 @@ fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problem
         "first_frame": frames.first,
         "last_frame": frames.last,
         "files": document.assets().iter().map(|asset| asset.path.as_str()).collect::<Vec<_>>(),
+        "albedo_peaks": peaks.iter().map(albedo).collect::<Vec<_>>(),
     });
     Ok(Found { text, json })
 }

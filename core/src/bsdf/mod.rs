@@ -9,6 +9,7 @@ mod conductor;
 mod dielectric;
 mod diffuse;
 mod fresnel;
+mod interface;
 mod microfacet;
 mod mirror;
 mod plastic;
@@ -21,7 +22,7 @@ pub use diffuse::Diffuse;
 pub use microfacet::{Distribution, Microfacets};
 pub use mirror::Mirror;
 pub use plastic::{Coat, Plastic};
-pub use principled::{Lobes, Parameters, Principled};
+pub use principled::{Conserving, Lobes, Parameters, Principled};
 pub use thin_dielectric::ThinDielectric;
 
 use glam::{Vec2, Vec3};
@@ -67,55 +68,92 @@ impl BsdfSample {
     }
 }
 
-macro_rules! each {
-    ($self:ident, $b:ident => $call:expr) => {
-        match $self {
-            Self::Diffuse($b) => $call,
-            Self::Principled($b) => $call,
-            Self::Dielectric($b) => $call,
-            Self::ThinDielectric($b) => $call,
-            Self::Conductor($b) => $call,
-            Self::Plastic($b) => $call,
-            Self::Mirror($b) => $call,
-        }
-    };
-}
-
 impl Bsdf {
-    /// `f(wo, wi) · |cos θi|`; 0 where nothing is scattered. Lobes of a single direction are not in it.
+    /// `f(wo, wi) · |cos θi|`, 0 where nothing is scattered, and the density with which [`Bsdf::sample`] chooses `wi`.
+    /// Lobes of a single direction are in neither.
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        each!(self, b => b.eval(wo, wi))
+    pub fn scatter(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        match self {
+            Self::Diffuse(b) => b.scatter(wo, wi),
+            Self::Principled(b) => b.scatter(wo, wi),
+            Self::Dielectric(b) => b.scatter(wo, wi),
+            Self::Conductor(b) => b.scatter(wo, wi),
+            Self::Plastic(b) => b.scatter(wo, wi),
+            Self::ThinDielectric(_) | Self::Mirror(_) => (Vec3::ZERO, 0.0),
+        }
     }
 
-    /// Density with which [`Bsdf::sample`] chooses `wi`. Lobes of a single direction are not in it.
+    /// The first part of [`Bsdf::scatter`].
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        self.scatter(wo, wi).0
+    }
+
+    /// The second part of [`Bsdf::scatter`].
     #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        each!(self, b => b.pdf(wo, wi))
+        self.scatter(wo, wi).1
     }
 
     /// Chooses `wi`: `lobe` decides which lobe, `u` which direction. `None` when the light is absorbed.
     #[inline]
     pub fn sample(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        each!(self, b => b.sample(wo, lobe, u))
+        match self {
+            Self::Diffuse(b) => b.sample(wo, u),
+            Self::Principled(b) => b.sample(wo, lobe, u),
+            Self::Dielectric(b) => b.sample(wo, lobe, u),
+            Self::ThinDielectric(b) => b.sample(wo, lobe, u),
+            Self::Conductor(b) => b.sample(wo, u),
+            Self::Plastic(b) => b.sample(wo, lobe, u),
+            Self::Mirror(b) => b.sample(wo),
+        }
     }
 
     /// Colour of the surface under white light from all sides, 0..1: the albedo layer.
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
-        each!(self, b => b.albedo(wo)).clamp(Vec3::ZERO, Vec3::ONE)
+        let albedo = match self {
+            Self::Diffuse(b) => b.reflectance,
+            Self::Principled(b) => b.albedo(wo),
+            Self::Dielectric(b) => b.albedo(wo),
+            Self::ThinDielectric(b) => b.albedo(wo),
+            Self::Conductor(b) => b.albedo(wo),
+            Self::Plastic(b) => b.albedo(wo),
+            Self::Mirror(b) => b.reflectance,
+        };
+        albedo.clamp(Vec3::ZERO, Vec3::ONE)
     }
 
     /// Whether every lobe has a single direction: then lights are found by following it and not by sampling them, and
     /// auxiliary layers show what is behind.
     #[inline]
     pub fn is_delta(&self) -> bool {
-        each!(self, b => b.is_delta())
+        match self {
+            Self::Diffuse(_) | Self::Plastic(_) => false,
+            Self::Principled(b) => b.is_delta(),
+            Self::Dielectric(b) => b.is_delta(),
+            Self::Conductor(b) => b.facets.is_none(),
+            Self::ThinDielectric(_) | Self::Mirror(_) => true,
+        }
     }
 
     /// Whether light from the other side is scattered too.
     #[inline]
     pub fn transmits(&self) -> bool {
-        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_))
-            || matches!(self, Self::Principled(p) if p.transmits())
+        match self {
+            Self::Diffuse(_) | Self::Plastic(_) | Self::Conductor(_) | Self::Mirror(_) => false,
+            Self::Dielectric(_) | Self::ThinDielectric(_) => true,
+            Self::Principled(b) => b.transmits(),
+        }
+    }
+
+    /// Whether directions along x scatter otherwise than those along y.
+    pub fn is_stretched(&self) -> bool {
+        let facets = match self {
+            Self::Principled(b) => Some(b.facets()),
+            Self::Dielectric(b) => Some(b.facets()),
+            Self::Conductor(b) => b.facets,
+            Self::Diffuse(_) | Self::ThinDielectric(_) | Self::Plastic(_) | Self::Mirror(_) => None,
+        };
+        facets.is_some_and(|facets| facets.alpha.x != facets.alpha.y)
     }
 }

@@ -6,6 +6,7 @@
 
 mod paths;
 mod stages;
+mod vertex;
 
 pub use paths::{Feature, Paths};
 
@@ -36,6 +37,7 @@ pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut C
     for bounce in 0..scene.max_depth() {
         stages::intersect(scene, bounce, paths, counters);
         stages::emit(scene, bounce, paths);
+        stages::observe(scene, paths);
         if bounce + 1 == scene.max_depth() || paths.active.is_empty() {
             break;
         }

@@ -10,9 +10,9 @@ use glam::Vec3;
 /// The auxiliary layers of one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feature {
-    /// Albedo of the first surface; 0 where there is none.
+    /// Albedo of the first surface behind all mirrors and panes, in their colours; 0 where there is none.
     pub albedo: Vec3,
-    /// Shading normal of the first surface, towards the camera; 0 where there is none.
+    /// Shading normal of the same surface, towards the path; 0 where there is none.
     pub normal: Vec3,
     /// Distance to the first surface; infinite where there is none.
     pub depth: f32,
@@ -41,8 +41,15 @@ pub struct Paths {
     pub(super) rays: Vec<Ray>,
     /// Product of the weights of all decisions so far.
     pub(super) beta: Vec<Vec3>,
-    /// Density per solid angle with which the last direction was scattered; infinite for camera rays.
+    /// Density per solid angle with which the last direction was scattered; infinite for those that light sampling
+    /// cannot find: camera rays, and behind mirrors.
     pub(super) pdf: Vec<f32>,
+    /// Product of the squared indices of refraction that the path has entered by: radiance there is that much denser.
+    pub(super) eta2: Vec<f32>,
+    /// Whether the path has only met mirrors and panes so far.
+    pub(super) unseen: Vec<bool>,
+    /// Length of the ray before surfaces that it crossed.
+    pub(super) crossed: Vec<f32>,
     /// The point that the last direction left from.
     pub(super) receivers: Vec<Receiver>,
     pub(super) hits: Vec<Option<Hit>>,
@@ -75,6 +82,12 @@ impl Paths {
         self.beta.resize(n, Vec3::ONE);
         self.pdf.clear();
         self.pdf.resize(n, f32::INFINITY);
+        self.eta2.clear();
+        self.eta2.resize(n, 1.0);
+        self.unseen.clear();
+        self.unseen.resize(n, true);
+        self.crossed.clear();
+        self.crossed.resize(n, 0.0);
         self.receivers.clear();
         self.receivers.resize(n, Receiver { p: Vec3::ZERO, n: Vec3::ZERO });
         self.hits.clear();

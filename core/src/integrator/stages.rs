@@ -1,13 +1,13 @@
 //! Owns the stages: loops over the paths that are alive.
 
 use super::Wave;
-use super::paths::{Feature, Paths, ShadowRay};
-use crate::bsdf::Bsdf;
+use super::paths::{Paths, ShadowRay};
+use super::vertex::Vertex;
 use crate::film::Counters;
-use crate::light::{LightSample, Receiver, Target};
-use crate::math::{Frame, Ray, offset_origin};
+use crate::light::{LightSample, Target};
+use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
-use crate::scene::{Scene, Surface};
+use crate::scene::{Hit, Scene};
 use glam::{Vec2, Vec3};
 
 /// Sends a ray through every sample of every pixel.
@@ -31,10 +31,40 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     counters.rays += paths.active.len() as u64;
     // Only camera rays have a footprint; scattered rays take the marcher's own resolution.
     let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
-    for &path in &paths.active {
-        let path = path as usize;
-        paths.hits[path] = scene.intersect(&paths.rays[path], spread, &mut paths.march);
+    for at in 0..paths.active.len() {
+        let path = paths.active[at] as usize;
+        let hit = scene.intersect(&paths.rays[path], spread, &mut paths.march);
+        paths.hits[path] = if scene.has_holes() { cross(scene, bounce, paths, path, hit, spread) } else { hit };
     }
+}
+
+/// Lets a path through surfaces that are there in part: the first hit that stops it.
+fn cross(
+    scene: &Scene,
+    bounce: u32,
+    paths: &mut Paths,
+    path: usize,
+    first: Option<Hit>,
+    spread: f32,
+) -> Option<Hit> {
+    let mut found = first;
+    paths.crossed[path] = 0.0;
+    for crossing in 0..Scene::MAX_CROSSINGS {
+        let ray = paths.rays[path];
+        let surface = scene.surface(&ray, &found?, spread);
+        let opacity = scene.opacity(&surface);
+        let stops = opacity > 0.0
+            && (opacity >= 1.0
+                || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity);
+        if stops {
+            return found;
+        }
+        paths.crossed[path] += found?.t;
+        paths.rays[path].o = offset_origin(surface.p, surface.error, surface.ng, ray.d);
+        found = scene.intersect(&paths.rays[path], spread, &mut paths.march);
+    }
+    paths.march.exhausted += 1;
+    None
 }
 
 /// Adds the light that paths have run into, and drops the paths that left the scene.
@@ -46,7 +76,7 @@ pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
         let path = paths.active[at] as usize;
         let ray = paths.rays[path];
         let Some(hit) = paths.hits[path] else {
-            for (light, radiance, pdf) in scene.environment() {
+            for (light, radiance, pdf) in scene.lights().infinite(ray.d) {
                 let weight = scattered_weight(scene, paths, path, light, pdf);
                 paths.radiance[path] += paths.beta[path] * radiance * weight;
             }
@@ -58,15 +88,32 @@ pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
             paths.radiance[path] += paths.beta[path] * radiance * weight;
         }
         if bounce == 0 {
-            let normal = if ray.d.dot(surface.ng) > 0.0 { -surface.ns } else { surface.ns };
-            let albedo = scene.bsdf(&surface).albedo();
-            paths.features[path] = Feature { albedo, normal, depth: hit.t };
+            paths.features[path].depth = paths.crossed[path] + hit.t;
         }
         paths.surfaces.push(surface);
         paths.active[alive] = path as u32;
         alive += 1;
     }
     paths.active.truncate(alive);
+}
+
+/// Notes albedo and normal of the first surface that is no mirror and no pane.
+pub(super) fn observe(scene: &Scene, paths: &mut Paths) {
+    for (at, surface) in paths.surfaces.iter().enumerate() {
+        let path = paths.active[at] as usize;
+        if !paths.unseen[path] {
+            continue;
+        }
+        let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
+        if vertex.bsdf.is_delta() {
+            continue;
+        }
+        paths.unseen[path] = false;
+        let facing = 1.0_f32.copysign(vertex.wo.z);
+        let color = (paths.beta[path] * paths.eta2[path]).clamp(Vec3::ZERO, Vec3::ONE);
+        paths.features[path].albedo = vertex.bsdf.albedo(vertex.wo) * color;
+        paths.features[path].normal = vertex.frame.n * facing;
+    }
 }
 
 /// Weight of having found a light by scattering; 1 for camera rays, which no light sampling competes with.
@@ -84,34 +131,6 @@ fn power_heuristic(this: f32, other: f32) -> f32 {
     1.0 / (1.0 + ratio * ratio)
 }
 
-/// A surface seen from where the path came: the frame and the sides that its directions refer to.
-struct Vertex<'a> {
-    surface: &'a Surface,
-    frame: Frame,
-    /// Geometric normal on the side of `wo`.
-    ng: Vec3,
-    wo: Vec3,
-    bsdf: Bsdf,
-}
-
-impl<'a> Vertex<'a> {
-    fn new(scene: &Scene, surface: &'a Surface, towards: Vec3) -> Self {
-        let side = if towards.dot(surface.ng) < 0.0 { -1.0 } else { 1.0 };
-        let (ng, ns) = (surface.ng * side, surface.ns * side);
-        // Interpolated normals may turn away from the viewer at a silhouette; the true normal never does.
-        let frame = Frame::new(if towards.dot(ns) > 0.0 { ns } else { ng });
-        Self { surface, frame, ng, wo: frame.to_local(towards), bsdf: scene.bsdf(surface) }
-    }
-
-    fn receiver(&self) -> Receiver {
-        Receiver { p: self.surface.p, n: self.frame.n }
-    }
-
-    fn origin_towards(&self, w: Vec3) -> Vec3 {
-        offset_origin(self.surface.p, self.surface.error, self.ng, w)
-    }
-}
-
 /// Samples a light and a direction at every surface: queues shadow rays, sends paths on or ends them.
 pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.shadows.clear();
@@ -120,6 +139,9 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
     for (at, surface) in surfaces.iter().enumerate() {
         let path = paths.active[at] as usize;
         let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
+        if vertex.is_black() {
+            continue;
+        }
         let sampler = paths.samplers[path];
         if let Some((ray, light)) = sample_light(scene, &vertex, &sampler, bounce) {
             let contribution = paths.beta[path] * light;
@@ -136,21 +158,19 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
 
 /// Chooses a light and a point of it: the shadow ray and what it brings, weighed against finding it by scattering.
 fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u32) -> Option<(Ray, Vec3)> {
-    let receiver = vertex.receiver();
-    let (light, choice) = scene.lights().choose(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
-    let part = sampler.get_1d(Decision::LightPart(bounce));
-    let point = sampler.get_2d(Decision::LightPoint(bounce));
-    let sample = scene.lights().all()[light].sample(&receiver, part, point)?;
-    if sample.wi.dot(vertex.ng) <= 0.0 {
+    if vertex.bsdf.is_delta() {
         return None;
     }
-    let wi = vertex.frame.to_local(sample.wi);
-    let f = vertex.bsdf.eval(vertex.wo, wi);
+    let receiver = vertex.receiver();
+    let (light, choice) = scene.lights().choose(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
+    let sample = scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
+    let (f, scattered) = vertex.bsdf.scatter(vertex.wo, vertex.to_local(sample.wi)?);
     if f == Vec3::ZERO {
         return None;
     }
     let pdf = sample.pdf * choice;
-    let weight = power_heuristic(pdf, vertex.bsdf.pdf(vertex.wo, wi));
+    // No path finds a light without extent by itself.
+    let weight = if sample.delta { 1.0 } else { power_heuristic(pdf, scattered) };
     Some((shadow_ray(vertex, &sample), f * sample.radiance * (weight / pdf)))
 }
 
@@ -170,17 +190,17 @@ fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
 /// Chooses the next direction; false when the path ends.
 fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, bounce: u32) -> bool {
     let sampler = paths.samplers[path];
-    let Some(sample) = vertex.bsdf.sample(vertex.wo, sampler.get_2d(Decision::Direction(bounce))) else {
+    let lobe = sampler.get_1d(Decision::Lobe(bounce));
+    let Some(sample) = vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce))) else {
         return false;
     };
-    let wi = vertex.frame.to_world(sample.wi);
-    if wi.dot(vertex.ng) <= 0.0 {
-        return false;
-    }
+    let Some(wi) = vertex.to_world(sample.wi) else { return false };
     let mut beta = paths.beta[path] * sample.weight;
-    // Russian roulette: dim paths end early, the others are raised by as much as they risked.
+    let eta2 = paths.eta2[path] * sample.eta2;
+    // Russian roulette: dim paths end early, the others are raised by as much as they risked. Inside glass radiance is
+    // denser by η², and the path as bright as it will be outside again.
     if bounce + 1 >= scene.roulette_depth() {
-        let survive = beta.max_element().min(0.95);
+        let survive = (beta.max_element() * eta2).min(0.95);
         if sampler.get_1d(Decision::Roulette(bounce)) >= survive {
             return false;
         }
@@ -190,6 +210,7 @@ fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, b
         return false;
     }
     paths.beta[path] = beta;
+    paths.eta2[path] = eta2;
     paths.pdf[path] = sample.pdf;
     paths.receivers[path] = vertex.receiver();
     paths.rays[path] = Ray::new(vertex.origin_towards(wi), wi);
@@ -200,8 +221,9 @@ fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, b
 pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
     counters.shadow_rays += paths.shadows.len() as u64;
     for shadow in &paths.shadows {
-        if !scene.occluded(&shadow.ray, &mut paths.march) {
-            paths.radiance[shadow.path as usize] += shadow.contribution;
+        let through = scene.transmittance(&shadow.ray, &mut paths.march);
+        if through > 0.0 {
+            paths.radiance[shadow.path as usize] += shadow.contribution * through;
         }
     }
 }

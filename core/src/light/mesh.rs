@@ -1,67 +1,78 @@
-//! Owns light from the front sides of a placed mesh, sampled by area.
+//! Owns cutting a placed mesh into lights: its triangles, and rectangles where two of them make one.
 
-use super::{Emitter, LightSample, Receiver, Target};
-use crate::color::luminance;
-use crate::math::{Aabb, even_error, gamma};
-use crate::warp::triangle_uniform;
-use glam::{Vec2, Vec3};
-use std::f32::consts::PI;
+use super::{Light, RectangleLight, TriangleLight};
+use glam::Vec3;
+use std::collections::BTreeMap;
 
-/// Triangles in the world that send out the same radiance from their front sides.
-#[derive(Debug, Clone)]
-pub struct MeshLight {
-    triangles: Vec<[Vec3; 3]>,
-    /// Cumulative share of the area.
-    cumulative: Vec<f32>,
-    area: f32,
-    radiance: Vec3,
-    bounds: Aabb,
+/// Number of a triangle that is no light.
+const NO_LIGHT: u32 = u32::MAX;
+
+/// The lights of triangles in the world whose fronts send out a radiance: the lights, and for each triangle the number
+/// of the light that it is part of. Two triangles that make a rectangle share one; a triangle without area has
+/// `u32::MAX`. Corners run counter-clockwise seen from the front.
+pub fn mesh_lights(triangles: &[[Vec3; 3]], radiance: Vec3) -> (Vec<Light>, Vec<u32>) {
+    let mut lights = Vec::new();
+    let mut numbers = vec![NO_LIGHT; triangles.len()];
+    // Right triangles that wait for their other half, by their longest side in their own direction.
+    let mut halves: BTreeMap<[u32; 6], usize> = BTreeMap::new();
+    for (index, &triangle) in triangles.iter().enumerate() {
+        let Some(light) = TriangleLight::new(triangle, radiance) else { continue };
+        if let Some(half) = Half::new(triangle) {
+            let other = halves.get(&half.key_of_other()).copied();
+            if let Some((other, rectangle)) = other.and_then(|i| Some((i, half.rectangle(triangles[i], radiance)?)))
+            {
+                halves.remove(&half.key_of_other());
+                numbers[index] = numbers[other];
+                lights[numbers[other] as usize] = Light::Rectangle(rectangle);
+                continue;
+            }
+            halves.entry(half.key()).or_insert(index);
+        }
+        numbers[index] = lights.len() as u32;
+        lights.push(Light::Triangle(light));
+    }
+    (lights, numbers)
 }
 
-impl MeshLight {
-    /// Triangles whose corners run counter-clockwise seen from the front; `None` when they have no area.
-    pub fn new(triangles: Vec<[Vec3; 3]>, radiance: Vec3) -> Option<Self> {
-        let mut sum = 0.0_f64;
-        let mut sums = Vec::with_capacity(triangles.len());
-        for t in &triangles {
-            sum += f64::from((t[1] - t[0]).cross(t[2] - t[0]).length()) * 0.5;
-            sums.push(sum);
-        }
-        let bounds = triangles.iter().flatten().fold(Aabb::EMPTY, |b, p| b.with_point(*p));
-        let cumulative = sums.iter().map(|s| (s / sum) as f32).collect();
-        (sum > 0.0).then_some(Self { triangles, cumulative, area: sum as f32, radiance, bounds })
-    }
+/// A right triangle: the corner at the right angle, and the corners after and before it.
+#[derive(Debug, Clone, Copy)]
+struct Half {
+    corner: Vec3,
+    next: Vec3,
+    last: Vec3,
+}
 
-    /// Radiance that the front sides send out.
-    pub fn radiance(&self) -> Vec3 {
-        self.radiance
-    }
+impl Half {
+    /// How far a rectangle may be from a true one, in parts of its size.
+    const TOLERANCE: f32 = 1e-5;
 
-    pub(super) fn emitter(&self) -> Emitter {
-        let power = luminance(self.radiance) * PI * self.area;
-        Emitter { center: self.bounds.center(), radius: self.bounds.size().length() * 0.5, power }
-    }
-
-    pub(super) fn sample(&self, from: &Receiver, part: f32, u: Vec2) -> Option<LightSample> {
-        let index = self.cumulative.partition_point(|&c| c <= part).min(self.triangles.len() - 1);
-        let [a, b, c] = self.triangles[index];
-        let w = triangle_uniform(u);
-        let p = a * w.x + b * w.y + c * w.z;
-        let error = even_error((a.abs() * w.x + b.abs() * w.y + c.abs() * w.z) * gamma(6));
-        let n = (b - a).cross(c - a).normalize_or_zero();
-        let towards = p - from.p;
-        let wi = towards.normalize_or_zero();
-        let pdf = self.pdf(towards.length_squared(), -wi.dot(n));
-        (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
-            wi,
-            radiance: self.radiance,
-            pdf,
-            target: Target::Point(p, error, n),
+    fn new(t: [Vec3; 3]) -> Option<Self> {
+        (0..3).map(|i| Self { corner: t[i], next: t[(i + 1) % 3], last: t[(i + 2) % 3] }).find(|half| {
+            let [a, b] = [half.next - half.corner, half.last - half.corner];
+            a.dot(b).abs() <= Self::TOLERANCE * a.length() * b.length()
         })
     }
 
-    /// Density of sampling a point at a squared distance whose normal has this cosine to the receiver; 0 behind.
-    pub fn pdf(&self, distance_squared: f32, cos: f32) -> f32 {
-        if cos > 0.0 { distance_squared / (cos * self.area) } else { 0.0 }
+    fn key(&self) -> [u32; 6] {
+        key(self.next, self.last)
     }
+
+    /// The other half has the same longest side the other way round.
+    fn key_of_other(&self) -> [u32; 6] {
+        key(self.last, self.next)
+    }
+
+    /// The rectangle that it makes with a triangle that shares its longest side.
+    fn rectangle(&self, other: [Vec3; 3], radiance: Vec3) -> Option<RectangleLight> {
+        let other = Self::new(other)?;
+        let edges = [self.next - self.corner, self.last - self.corner];
+        let off = (other.corner - self.corner - edges[0] - edges[1]).length();
+        let size = edges[0].length().min(edges[1].length());
+        (off <= Self::TOLERANCE * size).then(|| RectangleLight::new(self.corner, edges, radiance))?
+    }
+}
+
+/// Two corners as bits; 0 and −0 are the same.
+fn key(a: Vec3, b: Vec3) -> [u32; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z].map(|x| (x + 0.0).to_bits())
 }

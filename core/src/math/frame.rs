@@ -27,6 +27,16 @@ impl Frame {
         }
     }
 
+    /// A frame around a unit normal whose first tangent points as nearly along `u` as it can; any frame where `u` is
+    /// along the normal.
+    #[inline]
+    pub fn with_tangent(n: Vec3, u: Vec3) -> Self {
+        match (u - n * n.dot(u)).try_normalize() {
+            Some(s) => Self { s, t: n.cross(s), n },
+            None => Self::new(n),
+        }
+    }
+
     /// World to local.
     #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {

@@ -24,6 +24,21 @@ pub struct Mesh {
     pub dropped: u32,
 }
 
+impl Mesh {
+    /// 1 where the side that a triangle's winding calls its front is that of its vertices' normals, or where there are
+    /// none; −1 where the normals say otherwise: they were made by whoever knew which side is which.
+    #[inline]
+    pub fn side(&self, triangle: usize) -> f32 {
+        if self.normals.is_empty() {
+            return 1.0;
+        }
+        let corners = self.triangles[triangle].map(|i| i as usize);
+        let [p0, p1, p2] = corners.map(|i| self.positions[i]);
+        let [n0, n1, n2] = corners.map(|i| self.normals[i]);
+        1.0_f32.copysign((p1 - p0).cross(p2 - p0).dot(n0 + n1 + n2))
+    }
+}
+
 /// What is wrong with a mesh file, in words: where (a line, an offset, a vertex), what was found, what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]

@@ -1,18 +1,23 @@
 //! Owns compiling: a description and its assets to a scene that rays can ask.
 
 use super::assets::Assets;
-use super::compiled::{Color, Material, Scene};
-use super::document::{self as doc, ColorTexture, Description, Problem, Problems};
+use super::compiled::Scene;
+use super::document::{self as doc, Description, Problem, Problems};
+use super::material::Material;
+use super::materials;
 use super::object::{Object, Shape};
 use super::tape;
 use crate::bvh::Bvh;
 use crate::camera::{Camera, Perspective};
 use crate::film::{FilterKind, FrameSize, PixelFilter, Region};
-use crate::light::{EnvironmentLight, Light, Lights, MeshLight, SphereLight};
+use crate::light::{
+    self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotFalloff, SpotLight, SunLight,
+};
 use crate::math::{Aabb, Transform};
+use crate::mesh::Mesh;
 use crate::sampler::Stream;
 use crate::sdf::{Sdf, Settings};
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DMat3, Vec3};
 
 impl Scene {
     /// Compiles one frame. `frame` takes part in the random numbers; the description is already that frame's.
@@ -24,24 +29,26 @@ impl Scene {
             description,
             assets,
             problems: Problems::default(),
+            materials: Vec::new(),
             objects: Vec::new(),
             lights: Vec::new(),
+            emitters: Vec::new(),
         };
         let camera = builder.camera();
-        let materials = builder.materials();
+        builder.materials = materials::compile(description, assets, &mut builder.problems);
         builder.instances();
         builder.spheres();
         builder.sdf_objects();
-        builder.environments();
-        let Builder { mut problems, objects, lights, .. } = builder;
+        builder.lights();
+        let Builder { mut problems, materials, objects, lights, emitters, .. } = builder;
         let boxes: Vec<Aabb> = objects.iter().map(Object::bounds).collect();
         let tree = Bvh::build(&boxes).map_err(|e| problems.push(problem(description, "", e.to_string())));
         let (Some(camera), Ok(tree), true) = (camera, tree, problems.is_empty()) else {
             return Err(problems);
         };
-        let environments = (0..lights.len() as u32)
-            .filter(|&i| matches!(lights[i as usize], Light::Environment(_)))
-            .collect();
+        let has_holes = objects.iter().any(|object| {
+            materials.get(object.material as usize).is_some_and(|material| material.opacity.is_some())
+        });
         let film = &description.film;
         Ok(Self {
             size: frame_size(description),
@@ -57,7 +64,8 @@ impl Scene {
             objects,
             tree,
             materials,
-            environments,
+            emitters,
+            has_holes,
             stream: Stream::new(description.sampling.seed, frame),
         })
     }
@@ -68,8 +76,10 @@ struct Builder<'a> {
     description: &'a Description,
     assets: &'a Assets,
     problems: Problems,
+    materials: Vec<Material>,
     objects: Vec<Object>,
     lights: Vec<Light>,
+    emitters: Vec<u32>,
 }
 
 impl Builder<'_> {
@@ -93,71 +103,75 @@ impl Builder<'_> {
         Some(Camera::new(view, frame_size(self.description)))
     }
 
-    fn materials(&mut self) -> Vec<Material> {
-        let description = self.description;
-        let compile = |(name, material): (&str, &doc::Material)| match material {
-            doc::Material::Diffuse { reflectance } => {
-                let path = format!("materials.{name}.reflectance");
-                self.color(&path, reflectance).map(|reflectance| Material::Diffuse { reflectance })
-            }
-        };
-        description.materials.iter().filter_map(compile).collect()
-    }
-
-    fn color(&mut self, path: &str, color: &ColorTexture) -> Option<Color> {
-        match color {
-            ColorTexture::Constant(c) => Some(Color::Constant(*c)),
-            ColorTexture::Image { file, color_space } => {
-                let image = self.assets.image(file);
-                if image.is_none() {
-                    self.problem(path, &format!("the image {file} has not been loaded"));
-                }
-                image.map(|image| Color::Image(image, *color_space))
-            }
-        }
-    }
-
-    /// Adds an object, and the light that it is.
-    fn add(&mut self, shape: Shape, material: &str, flip: bool, light: Option<Light>) {
-        let light = light.map(|light| {
-            self.lights.push(light);
-            self.lights.len() as u32 - 1
-        });
-        let material = self.description.materials.index_of(material).unwrap_or(0) as u32;
-        self.objects.push(Object { shape, material, light, flip });
+    /// Adds an object and the lights that its primitives are; `lights` has one number for each primitive.
+    fn add(&mut self, shape: Shape, material: &str, flip: bool, lights: &[u32]) {
+        let emitter = (!lights.is_empty()).then_some(self.emitters.len() as u32);
+        self.emitters.extend_from_slice(lights);
+        let material = self.description.materials.index_of(material).unwrap_or(0);
+        let tangents = self.materials.get(material).is_some_and(Material::needs_tangents);
+        self.objects.push(Object { shape, material: material as u32, emitter, flip, tangents });
     }
 
     fn instances(&mut self) {
         let description = self.description;
         for (name, instance) in description.instances.iter() {
             let path = format!("instances.{name}");
-            let file = description.meshes.get(&instance.mesh).map_or("", |m| m.file.as_str());
-            let Some(mesh) = self.assets.mesh(file) else {
-                self.problem(&path, &format!("the mesh {file} has not been loaded"));
+            let Some(entry) = description.meshes.get(&instance.mesh) else { continue };
+            let Some(mesh) = self.assets.mesh(&entry.file) else {
+                self.problem(&path, &format!("the mesh {} has not been loaded", entry.file));
                 continue;
             };
             let Some(transform) = self.transform(&path, instance.transform) else { continue };
             if mesh.mesh.triangles.is_empty() {
                 continue;
             }
-            let light = (instance.emission.max_element() > 0.0)
-                .then(|| mesh_light(&mesh.mesh, &transform, instance))
-                .flatten();
-            self.add(Shape::Mesh { mesh, transform }, &instance.material, instance.flip_normals, light);
+            let lights = if instance.emission.max_element() > 0.0 {
+                self.mesh_lights(&mesh.mesh, &transform, entry.face_normals, instance)
+            } else {
+                Vec::new()
+            };
+            let shape = Shape::Mesh { mesh, transform, flat: entry.face_normals, flip_v: entry.flip_v };
+            self.add(shape, &instance.material, instance.flip_normals, &lights);
         }
+    }
+
+    /// Adds the lights of a placed mesh: their numbers by triangle. Corners are reordered so that they run
+    /// counter-clockwise in the world, seen from the front.
+    fn mesh_lights(
+        &mut self,
+        mesh: &Mesh,
+        transform: &Transform,
+        flat: bool,
+        instance: &doc::Instance,
+    ) -> Vec<u32> {
+        let turned = transform.flips() != instance.flip_normals;
+        let place = |(triangle, corners): (usize, &[u32; 3])| {
+            let [a, b, c] = corners.map(|i| transform.point(mesh.positions[i as usize]));
+            let behind = !flat && mesh.side(triangle) < 0.0;
+            if turned == behind { [a, b, c] } else { [a, c, b] }
+        };
+        let triangles: Vec<[Vec3; 3]> = mesh.triangles.iter().enumerate().map(place).collect();
+        let (lights, of) = light::mesh_lights(&triangles, instance.emission);
+        let first = self.lights.len() as u32;
+        self.lights.extend(lights);
+        of.into_iter().map(|light| if light == u32::MAX { light } else { first + light }).collect()
     }
 
     fn spheres(&mut self) {
         let description = self.description;
         for sphere in description.spheres.values() {
             let doc::Sphere { center, radius, emission, flip_normals, .. } = *sphere;
-            let light = (emission.max_element() > 0.0).then_some(Light::Sphere(SphereLight {
-                center,
-                radius,
-                radiance: emission,
-                inward: flip_normals,
-            }));
-            self.add(Shape::Sphere { center, radius }, &sphere.material, flip_normals, light);
+            let mut lights = Vec::new();
+            if emission.max_element() > 0.0 {
+                lights.push(self.lights.len() as u32);
+                self.lights.push(Light::Sphere(SphereLight {
+                    center,
+                    radius,
+                    radiance: emission,
+                    inward: flip_normals,
+                }));
+            }
+            self.add(Shape::Sphere { center, radius }, &sphere.material, flip_normals, &lights);
         }
     }
 
@@ -172,7 +186,7 @@ impl Builder<'_> {
             let transform = self.transform(&path, object.transform);
             match (sdf, transform) {
                 (Ok(sdf), Some(transform)) => {
-                    self.add(Shape::Sdf { sdf: Box::new(sdf), transform }, &object.material, false, None);
+                    self.add(Shape::Sdf { sdf: Box::new(sdf), transform }, &object.material, false, &[]);
                 }
                 (Err(error), _) => self.problem(&path, &error.to_string()),
                 (Ok(_), None) => {}
@@ -180,25 +194,62 @@ impl Builder<'_> {
         }
     }
 
-    fn environments(&mut self) {
-        for light in self.description.lights.values() {
-            let doc::Light::Environment { radiance } = light;
-            if radiance.max_element() > 0.0 {
-                self.lights.push(Light::Environment(EnvironmentLight { radiance: *radiance }));
-            }
+    fn lights(&mut self) {
+        let description = self.description;
+        for (name, light) in description.lights.iter() {
+            let compiled = match light {
+                doc::Light::Environment { radiance, image, transform } => {
+                    self.environment(name, *radiance, image.as_deref(), *transform)
+                }
+                doc::Light::Point { position, intensity } => {
+                    Some(Light::Point(PointLight { position: *position, intensity: *intensity }))
+                }
+                doc::Light::Spotlight { position, direction, intensity, radiance, .. } => {
+                    let intensity = intensity.or(*radiance).unwrap_or_default();
+                    light.falloff().ok().map(|falloff| {
+                        Light::Spotlight(SpotLight::new(
+                            *position,
+                            *direction,
+                            intensity,
+                            spot_falloff(falloff),
+                        ))
+                    })
+                }
+                doc::Light::Sun { direction, irradiance, angular_size } => {
+                    Some(Light::Sun(SunLight::new(*direction, *irradiance, *angular_size)))
+                }
+            };
+            self.lights.extend(compiled);
         }
+    }
+
+    fn environment(
+        &mut self,
+        name: &str,
+        radiance: Vec3,
+        image: Option<&str>,
+        transform: DAffine3,
+    ) -> Option<Light> {
+        let Some(file) = image else {
+            return Some(Light::Environment(EnvironmentLight::constant(radiance)));
+        };
+        let image = self.assets.image(file);
+        if image.is_none() {
+            self.problem(&format!("lights.{name}.image"), &format!("the image {file} has not been loaded"));
+        }
+        // Only the rotation counts: what is left when scale and shear are taken away.
+        let (_, rotation, _) = transform.to_scale_rotation_translation();
+        let to_world = DMat3::from_quat(rotation);
+        image.map(|image| Light::Environment(EnvironmentLight::image(radiance, image, to_world)))
     }
 }
 
-/// The light of a placed mesh; corners are reordered so that they run counter-clockwise in the world.
-fn mesh_light(mesh: &crate::mesh::Mesh, transform: &Transform, instance: &doc::Instance) -> Option<Light> {
-    let turned = transform.flips() != instance.flip_normals;
-    let place = |corners: &[u32; 3]| {
-        let [a, b, c] = corners.map(|i| transform.point(mesh.positions[i as usize]));
-        if turned { [a, c, b] } else { [a, b, c] }
-    };
-    let triangles: Vec<[Vec3; 3]> = mesh.triangles.iter().map(place).collect();
-    MeshLight::new(triangles, instance.emission).map(Light::Mesh)
+fn spot_falloff(falloff: doc::Falloff) -> SpotFalloff {
+    match falloff {
+        doc::Falloff::Focus { focus, cutoff_angle } => SpotFalloff::Focus { focus, cutoff_angle },
+        doc::Falloff::Linear { beam_width, cutoff_angle } => SpotFalloff::Linear { beam_width, cutoff_angle },
+        doc::Falloff::Blend { cone_angle, blend } => SpotFalloff::Blend { cone_angle, blend },
+    }
 }
 
 fn problem(description: &Description, path: &str, message: String) -> Problem {

@@ -1,19 +1,19 @@
 //! Owns the compiled scene of one frame: immutable, shared by all threads, asked by rays.
 
 use super::document::Sampling;
+use super::material::Material;
 use super::object::{Hit, Object, Surface};
-use crate::bsdf::{Bsdf, Diffuse};
+use crate::bsdf::Bsdf;
 use crate::bvh::{Bvh, RayBoxes};
 use crate::camera::Camera;
 use crate::color::View;
 use crate::film::{FrameSize, PixelFilter, Region};
-use crate::light::{Light, Lights};
-use crate::math::{Aabb, Ray};
+use crate::light::Lights;
+use crate::math::{Aabb, Frame, Ray, offset_origin};
 use crate::sampler::Stream;
 use crate::sdf::MarchStats;
-use crate::texture::{ColorSpace, Image};
 use glam::Vec3;
-use std::sync::Arc;
+use std::borrow::Cow;
 
 /// One frame of a scene, ready to be rendered.
 #[derive(Debug)]
@@ -31,30 +31,11 @@ pub struct Scene {
     pub(super) tree: Bvh,
     pub(super) materials: Vec<Material>,
     pub(super) lights: Lights,
-    pub(super) environments: Vec<u32>,
+    /// Numbers of the lights that primitives of objects are; `u32::MAX` for those that are none.
+    pub(super) emitters: Vec<u32>,
+    /// Whether some surface is there in part only, so that rays may have to cross it.
+    pub(super) has_holes: bool,
     pub(super) stream: Stream,
-}
-
-/// A material whose textures are loaded.
-#[derive(Debug, Clone)]
-pub(super) enum Material {
-    Diffuse { reflectance: Color },
-}
-
-/// A colour that may vary over a surface.
-#[derive(Debug, Clone)]
-pub(super) enum Color {
-    Constant(Vec3),
-    Image(Arc<Image>, ColorSpace),
-}
-
-impl Color {
-    fn at(&self, surface: &Surface) -> Vec3 {
-        match self {
-            Self::Constant(c) => *c,
-            Self::Image(image, space) => image.lookup(surface.uv, *space),
-        }
-    }
 }
 
 impl Scene {
@@ -113,12 +94,9 @@ impl Scene {
         &self.lights
     }
 
-    /// The lights at infinity: number, radiance, and the density per solid angle of having sampled a direction.
-    pub fn environment(&self) -> impl Iterator<Item = (usize, Vec3, f32)> {
-        self.environments.iter().filter_map(|&i| match &self.lights.all()[i as usize] {
-            Light::Environment(e) => Some((i as usize, e.radiance, e.pdf())),
-            Light::Mesh(_) | Light::Sphere(_) => None,
-        })
+    /// Whether some surface is there in part only: then shadow rays ask for [`Scene::transmittance`].
+    pub fn has_holes(&self) -> bool {
+        self.has_holes
     }
 
     /// The box around all objects.
@@ -164,27 +142,63 @@ impl Scene {
         self.objects[hit.object as usize].surface(ray, hit, spread)
     }
 
-    /// The material at a surface, its textures looked up.
-    pub fn bsdf(&self, surface: &Surface) -> Bsdf {
-        match &self.materials[self.objects[surface.object as usize].material as usize] {
-            Material::Diffuse { reflectance } => {
-                Bsdf::Diffuse(Diffuse { reflectance: reflectance.at(surface) })
-            }
-        }
+    fn material(&self, surface: &Surface) -> &Material {
+        &self.materials[self.objects[surface.object as usize].material as usize]
     }
 
-    /// The light that an object is: its number, what its front side sends out, and the density per solid angle of
-    /// having sampled the surface from `p`; the choice of the light is not in it.
-    pub fn emission(&self, surface: &Surface, p: Vec3, wi: Vec3) -> Option<(usize, Vec3, f32)> {
-        let index = self.objects[surface.object as usize].light? as usize;
-        let cos = -wi.dot(surface.ng);
-        if cos <= 0.0 {
-            return None;
+    /// How the surface scatters, its textures looked up.
+    pub fn bsdf(&self, surface: &Surface) -> Cow<'_, Bsdf> {
+        self.material(surface).model.at(surface.uv)
+    }
+
+    /// The frame that its scattering refers to: z is the normal of the front side with all bumps, x runs along u where
+    /// that matters.
+    pub fn frame(&self, surface: &Surface) -> Frame {
+        self.material(surface).frame(surface)
+    }
+
+    /// Whether its back side is like its front side.
+    pub fn is_two_sided(&self, surface: &Surface) -> bool {
+        self.material(surface).two_sided
+    }
+
+    /// Share of the surface that is there, 0..1: rays pass the rest.
+    pub fn opacity(&self, surface: &Surface) -> f32 {
+        self.material(surface).opacity_at(surface.uv)
+    }
+
+    /// Most surfaces that a ray crosses because they are there in part only.
+    pub const MAX_CROSSINGS: u32 = 1024;
+
+    /// Share of light that gets through the ray, 0..1.
+    pub fn transmittance(&self, ray: &Ray, stats: &mut MarchStats) -> f32 {
+        if !self.has_holes {
+            return if self.occluded(ray, stats) { 0.0 } else { 1.0 };
         }
-        Some(match &self.lights.all()[index] {
-            Light::Mesh(l) => (index, l.radiance(), l.pdf((surface.p - p).length_squared(), cos)),
-            Light::Sphere(l) => (index, l.radiance, l.pdf(p)),
-            Light::Environment(_) => return None,
-        })
+        let end = ray.at(1.0);
+        let (mut rest, mut through) = (*ray, 1.0);
+        for _ in 0..Self::MAX_CROSSINGS {
+            let Some(hit) = self.intersect(&rest, 0.0, stats) else { return through };
+            let surface = self.surface(&rest, &hit, 0.0);
+            through *= 1.0 - self.opacity(&surface);
+            if through <= 0.0 {
+                return 0.0;
+            }
+            rest.o = offset_origin(surface.p, surface.error, surface.ng, rest.d);
+            if ray.t_max.is_finite() {
+                rest.d = end - rest.o;
+            }
+        }
+        stats.exhausted += 1;
+        0.0
+    }
+
+    /// The light that a primitive is: its number, what its front side sends back along `d` to `from`, and the density per
+    /// solid angle of having sampled it from there; the choice of the light is not in it.
+    pub fn emission(&self, surface: &Surface, from: Vec3, d: Vec3) -> Option<(usize, Vec3, f32)> {
+        let first = self.objects[surface.object as usize].emitter?;
+        let light = self.emitters[(first + surface.primitive) as usize];
+        let (radiance, pdf) = self.lights.emitted(light as usize, from, surface.p, surface.ng, d)?;
+        Some((light as usize, radiance, pdf))
     }
 }

@@ -1,12 +1,16 @@
 //! Owns the scene: the document a person writes and the form that rays meet.
 
+mod albedo;
 mod assets;
 mod build;
 mod compiled;
 mod document;
+mod material;
+mod materials;
 mod object;
 mod tape;
 
+pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};
 pub use compiled::Scene;
 pub use document::{

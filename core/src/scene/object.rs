@@ -4,8 +4,8 @@ use crate::bvh::triangle::TriangleBvh;
 use crate::math::{Aabb, Ray, Transform, acos, atan2, even_error, gamma};
 use crate::mesh::Mesh;
 use crate::sdf::{MarchStats, Sdf, SdfRay};
-use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, TAU};
+use glam::{Vec2, Vec3, Vec3Swizzles as _};
+use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
 
 /// A mesh and the tree over its triangles, shared by its instances and by all frames.
@@ -20,7 +20,7 @@ pub struct PreparedMesh {
 /// The shape of an object.
 #[derive(Debug, Clone)]
 pub(super) enum Shape {
-    Mesh { mesh: Arc<PreparedMesh>, transform: Transform },
+    Mesh { mesh: Arc<PreparedMesh>, transform: Transform, flat: bool, flip_v: bool },
     Sphere { center: Vec3, radius: f32 },
     Sdf { sdf: Box<Sdf>, transform: Transform },
 }
@@ -31,10 +31,12 @@ pub(super) struct Object {
     pub(super) shape: Shape,
     /// Index of the material.
     pub(super) material: u32,
-    /// Index of the light that it is, if any.
-    pub(super) light: Option<u32>,
+    /// Where the numbers of the lights that its primitives are begin in the scene's list, if they shine.
+    pub(super) emitter: Option<u32>,
     /// Turns front and back around.
     pub(super) flip: bool,
+    /// Whether its material needs to know where u and v point.
+    pub(super) tangents: bool,
 }
 
 /// Where a ray meets the scene.
@@ -63,15 +65,19 @@ pub struct Surface {
     pub ns: Vec3,
     /// Texture coordinates, v upwards.
     pub uv: Vec2,
+    /// Change of position by u and by v, where the material needs it and the surface has it.
+    pub tangents: Option<[Vec3; 2]>,
     /// Object, as numbered by the scene.
     pub object: u32,
+    /// Triangle of a mesh; 0 elsewhere.
+    pub primitive: u32,
 }
 
 impl Object {
     /// The box around it in the world.
     pub(super) fn bounds(&self) -> Aabb {
         match &self.shape {
-            Shape::Mesh { mesh, transform } => mesh.tree.bounds().transformed(transform.to_world()),
+            Shape::Mesh { mesh, transform, .. } => mesh.tree.bounds().transformed(transform.to_world()),
             Shape::Sphere { center, radius } => {
                 // One rounding step more than the radius, so that the poles lie inside.
                 let reach = Vec3::splat(*radius) + (center.abs() + *radius) * (2.0 * f32::EPSILON);
@@ -89,7 +95,7 @@ impl Object {
         stats: &mut MarchStats,
     ) -> Option<(f32, u32, [f32; 2])> {
         match &self.shape {
-            Shape::Mesh { mesh, transform } => {
+            Shape::Mesh { mesh, transform, .. } => {
                 mesh.tree.intersect(&to_local(ray, transform)).map(|h| (h.t, h.triangle, h.barycentric))
             }
             Shape::Sphere { center, radius } => {
@@ -112,7 +118,7 @@ impl Object {
     /// Whether anything of it lies within the ray.
     pub(super) fn occluded(&self, ray: &Ray, stats: &mut MarchStats) -> bool {
         match &self.shape {
-            Shape::Mesh { mesh, transform } => mesh.tree.occluded(&to_local(ray, transform)),
+            Shape::Mesh { mesh, transform, .. } => mesh.tree.occluded(&to_local(ray, transform)),
             Shape::Sphere { .. } | Shape::Sdf { .. } => self.intersect(ray, 0.0, stats).is_some(),
         }
     }
@@ -120,15 +126,31 @@ impl Object {
     /// The surface at a hit of the ray; `spread` is the half width of a pixel per unit of distance.
     pub(super) fn surface(&self, ray: &Ray, hit: &Hit, spread: f32) -> Surface {
         let mut surface = match &self.shape {
-            Shape::Mesh { mesh, transform } => mesh_surface(&mesh.mesh, transform, hit),
-            Shape::Sphere { center, radius } => sphere_surface(*center, *radius, ray.at(hit.t), hit),
+            Shape::Mesh { mesh, transform, flat, flip_v } => {
+                let mut surface = mesh_surface(&mesh.mesh, transform, *flat, hit);
+                if self.tangents {
+                    surface.tangents = mesh_tangents(&mesh.mesh, transform, hit);
+                }
+                if *flip_v {
+                    surface.uv.y = 1.0 - surface.uv.y;
+                    surface.tangents = surface.tangents.map(|[du, dv]| [du, -dv]);
+                }
+                surface
+            }
+            Shape::Sphere { center, radius } => {
+                let mut surface = sphere_surface(*center, *radius, ray.at(hit.t), hit);
+                if self.tangents {
+                    surface.tangents = Some(sphere_tangents(surface.ns * *radius));
+                }
+                surface
+            }
             Shape::Sdf { sdf, transform } => {
                 let local = to_local(ray, transform);
                 let p = local.at(hit.t);
                 let n = transform.normal(sdf.normal(p, spread * hit.t * local.d.length()));
                 let world = transform.point(p);
                 let error = even_error(transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2));
-                Surface { p: world, error, ng: n, ns: n, uv: Vec2::ZERO, object: hit.object }
+                Surface { p: world, error, ng: n, ns: n, ..Surface::at(hit) }
             }
         };
         if self.flip {
@@ -158,7 +180,25 @@ fn intersect_sphere(ray: &Ray, center: Vec3, radius: f32) -> Option<f32> {
     [nearest - half, nearest + half].into_iter().find(|t| within(*t)).map(|t| t as f32)
 }
 
-fn mesh_surface(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Surface {
+impl Surface {
+    /// A surface of which nothing is known but what was hit.
+    fn at(hit: &Hit) -> Self {
+        Self {
+            p: Vec3::ZERO,
+            error: Vec3::ZERO,
+            ng: Vec3::Z,
+            ns: Vec3::Z,
+            uv: Vec2::ZERO,
+            tangents: None,
+            object: hit.object,
+            primitive: hit.primitive,
+        }
+    }
+}
+
+/// The front is the side of the mesh's normals where it has any, else the side that winding tells; `flat` leaves the
+/// normals aside.
+fn mesh_surface(mesh: &Mesh, transform: &Transform, flat: bool, hit: &Hit) -> Surface {
     let corners = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
     let [b, c] = hit.barycentric;
     let weights = [1.0 - b - c, b, c];
@@ -167,8 +207,9 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Surface {
     let p = transform.point(blend([p0, p1, p2]));
     let local_error = blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(7);
     let error = even_error(transform.error(local_error) + p.abs() * gamma(2));
-    let ng = transform.normal((p1 - p0).cross(p2 - p0));
-    let ns = if mesh.normals.is_empty() {
+    let side = if flat { 1.0 } else { mesh.side(hit.primitive as usize) };
+    let ng = transform.normal((p1 - p0).cross(p2 - p0)) * side;
+    let ns = if flat || mesh.normals.is_empty() {
         ng
     } else {
         let n = transform.normal(blend(corners.map(|i| mesh.normals[i])));
@@ -180,7 +221,24 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Surface {
         let [u0, u1, u2] = corners.map(|i| mesh.uvs[i]);
         u0 * weights[0] + u1 * weights[1] + u2 * weights[2]
     };
-    Surface { p, error, ng, ns, uv, object: hit.object }
+    Surface { p, error, ng, ns, uv, ..Surface::at(hit) }
+}
+
+/// How the position on a triangle changes with u and v; `None` where they do not tell.
+fn mesh_tangents(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Option<[Vec3; 2]> {
+    let corners = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
+    let [p0, p1, p2] = corners.map(|i| mesh.positions[i]);
+    let [u0, u1, u2] = if mesh.uvs.is_empty() {
+        [Vec2::ZERO, Vec2::X, Vec2::Y]
+    } else {
+        corners.map(|i| mesh.uvs[i])
+    };
+    let (e1, e2, d1, d2) = (p1 - p0, p2 - p0, u1 - u0, u2 - u0);
+    let determinant = d1.perp_dot(d2);
+    let du = (e1 * d2.y - e2 * d1.y) / determinant;
+    let dv = (e2 * d1.x - e1 * d2.x) / determinant;
+    let tangents = [transform.vector(du), transform.vector(dv)];
+    tangents.iter().all(|t| t.is_finite()).then_some(tangents)
 }
 
 fn sphere_surface(center: Vec3, radius: f32, at: Vec3, hit: &Hit) -> Surface {
@@ -189,5 +247,14 @@ fn sphere_surface(center: Vec3, radius: f32, at: Vec3, hit: &Hit) -> Surface {
     let p = center + n * radius;
     let error = even_error((n.abs() * radius + center.abs()) * gamma(5));
     let uv = Vec2::new(atan2(n.z, n.x) / TAU + 0.5, 1.0 - acos(n.y.clamp(-1.0, 1.0)) * FRAC_1_PI);
-    Surface { p, error, ng: n, ns: n, uv, object: hit.object }
+    Surface { p, error, ng: n, ns: n, uv, ..Surface::at(hit) }
+}
+
+/// How the position on a sphere, relative to its centre, changes with u and v.
+fn sphere_tangents(p: Vec3) -> [Vec3; 2] {
+    let around = p.xz().length();
+    let du = Vec3::new(-p.z, 0.0, p.x) * TAU;
+    // At the poles u goes nowhere, and any frame will do.
+    let dv = if around > 0.0 { Vec3::new(-p.x * p.y / around, around, -p.z * p.y / around) * PI } else { Vec3::ZERO };
+    [du, dv]
 }

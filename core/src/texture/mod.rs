@@ -93,6 +93,23 @@ impl Texture {
     }
 }
 
+impl Texture {
+    /// Distance in the surface's uv over which the texture changes little: half a texel, a fraction of the finest cell.
+    fn detail(&self) -> f32 {
+        let (detail, transform) = match self {
+            Self::Image(t) => (0.5 / t.image.width().max(t.image.height()) as f32, t.transform),
+            Self::Checkerboard(t) => (1.0 / 1024.0, t.transform),
+            Self::Fbm(t) => {
+                let finest = t.frequency * crate::math::powf(t.lacunarity, (t.octaves - 1) as f32);
+                (0.125 / finest, t.transform)
+            }
+        };
+        let stretch = transform.matrix2.x_axis.length().max(transform.matrix2.y_axis.length());
+        // Finer differences would be rounding error.
+        if stretch > 0.0 { (detail / stretch).clamp(1.0e-5, 1.0e3) } else { 1.0 }
+    }
+}
+
 /// A colour that may vary over a surface.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Color {
@@ -130,6 +147,14 @@ impl Number {
             Self::Constant(number) => *number,
             Self::Texture(texture) => texture.number(uv),
         }
+    }
+
+    /// How the number changes with u and with v, by central differences over the texture's finest detail.
+    pub fn gradient(&self, uv: Vec2) -> Vec2 {
+        let Self::Texture(texture) = self else { return Vec2::ZERO };
+        let step = texture.detail();
+        let change = |axis: Vec2| texture.number(uv + axis * step) - texture.number(uv - axis * step);
+        Vec2::new(change(Vec2::X), change(Vec2::Y)) / (2.0 * step)
     }
 }
 

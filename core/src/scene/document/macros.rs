@@ -126,7 +126,7 @@ macro_rules! variants {
                 match at.tag($title, &[$($tag),+])? {
                     $(
                         $tag => {
-                            at.only(concat!($tag, " ", $title), &[&["type" $(, stringify!($field))*][..], &more.concat()].concat());
+                            at.only(concat!($tag, " ", $title), &[&["type" $(, stringify!($field))*][..], &more.concat()[..]].concat());
                             $( let $field: Option<$ty> = at.field(stringify!($field), $rule); )*
                             let value = Self::$variant { $( $field: $field?, )* };
                             $( if !$check(&value, at) { return None; } )?

@@ -1,14 +1,15 @@
 //! Owns the tests of what valid documents mean.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine2, DAffine3, DVec2, DVec3, Vec3};
 
 use super::{frame, parse, scene};
 use crate::color::View;
 use crate::scene::document::decode::Decode;
 use crate::scene::document::{
-    Camera, ColorTexture, Crop, Filter, Goal, Integrator, Light, Material, Sampling, SdfNode, SdfSettings,
+    Camera, ColorTexture, Crop, Document, Falloff, Filter, Goal, Integrator, Light, Limits, Model, NumberTexture, Sampling,
+    SdfNode, SdfSettings, Texture,
 };
-use crate::texture::ColorSpace;
+use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
 
 #[test]
 fn defaults_are_those_of_the_format() {
@@ -41,10 +42,19 @@ fn every_kind_of_thing_is_read() {
     ));
     let goal = Goal::Error { target: 0.1, min_spp: 4, max_spp: 1024 };
     assert_eq!(scene.sampling, Sampling { goal, seed: 9, time_limit: Some(2.5) });
-    let reflectance = ColorTexture::Image { file: "t/a.PNG".to_owned(), color_space: ColorSpace::Linear };
-    assert_eq!(scene.materials.get("a"), Some(&Material::Diffuse { reflectance }));
+    let image = Texture::Image {
+        file: "t/a.PNG".to_owned(),
+        color_space: Some(ColorSpace::Linear),
+        channel: Channel::Luminance,
+        wrap: Wrap::Repeat,
+        filter: TextureFilter::Bilinear,
+        transform: DAffine2::IDENTITY,
+    };
+    let model = |name: &str| scene.materials.get(name).map(|material| material.model.clone());
+    let reflectance = ColorTexture::Texture(Box::new(image));
+    assert_eq!(model("a"), Some(Model::Diffuse { reflectance, two_sided: true }));
     let reflectance = ColorTexture::Constant(Vec3::splat(0.5));
-    assert_eq!(scene.materials.get("b"), Some(&Material::Diffuse { reflectance }));
+    assert_eq!(model("b"), Some(Model::Diffuse { reflectance, two_sided: true }));
     assert_eq!(
         scene.instances.get("i").map(|i| (i.emission, i.flip_normals)),
         Some((Vec3::new(1.0, 2.0, 3.0), true))
@@ -56,7 +66,59 @@ fn every_kind_of_thing_is_read() {
     let SdfNode::Union { children } = &object.tree else { panic!("{:?}", object.tree) };
     assert_eq!(children.index_of("b"), Some(1));
     assert_eq!(children.get("b"), Some(&SdfNode::Mandelbulb { power: 8.0, iterations: 12, bailout: 4.0 }));
-    assert_eq!(scene.lights.get("sky"), Some(&Light::Environment { radiance: Vec3::ONE }));
+    let sky = Light::Environment { radiance: Vec3::ONE, image: None, transform: DAffine3::IDENTITY };
+    assert_eq!(scene.lights.get("sky"), Some(&sky));
+}
+
+#[test]
+fn a_material_has_a_model_and_a_relief() {
+    let scene = frame(&scene(
+        r#""materials":{"p":{"type":"principled_bsdf","roughness":{"type":"checkerboard","color0":0.25,
+            "color1":[0,0,1],"transform":{"scale":[2,4],"rotate":90,"translate":[1,0]}},
+            "opacity":0.25,"bump":{"type":"fbm"},"bump_scale":0.5}}"#,
+    ));
+    let material = scene.materials.get("p").unwrap();
+    assert_eq!(material.relief.opacity, NumberTexture::Constant(0.25));
+    assert!(material.relief.bump.is_some() && material.relief.normal_map.is_none());
+    let Model::Principled { roughness: NumberTexture::Texture(texture), eta, two_sided, .. } = &material.model else {
+        panic!("{:?}", material.model)
+    };
+    assert_eq!((eta, two_sided), (&NumberTexture::Constant(1.5), &false));
+    let Texture::Checkerboard { color0, color1, transform } = **texture else { panic!("{texture:?}") };
+    assert_eq!((color0.0, color1.0), (Vec3::splat(0.25), Vec3::Z));
+    // (1, 1) is scaled to (2, 4), turned to (-4, 2), moved to (-3, 2).
+    assert!((transform.transform_point2(DVec2::ONE) - DVec2::new(-3.0, 2.0)).length() < 1.0e-12);
+}
+
+/// What a spotlight with these fields is, or what is wrong with it.
+fn spotlight(fields: &str) -> Result<Falloff, String> {
+    let light = format!(r#"{{"type":"spotlight","position":[0,0,0],"direction":[0,-2,0],{fields}}}"#);
+    let text = scene(&format!(r#""lights":{{"l":{light}}}"#));
+    let document = Document::parse(&text, "scene.json", &Limits::default()).map_err(|p| p.to_string())?;
+    let frame = document.at(1).unwrap();
+    frame.lights.get("l").unwrap().falloff().map_err(ToOwned::to_owned)
+}
+
+#[test]
+fn a_spotlight_has_one_falloff() {
+    let focus = Falloff::Focus { focus: 3.0, cutoff_angle: 90.0 };
+    assert_eq!(spotlight(r#""radiance":[1,1,1],"focus":3"#), Ok(focus));
+    let linear = Falloff::Linear { beam_width: 10.0, cutoff_angle: 20.0 };
+    assert_eq!(spotlight(r#""intensity":[1,1,1],"beam_width":10,"cutoff_angle":20"#), Ok(linear));
+    let blend = Falloff::Blend { cone_angle: 40.0, blend: 0.5 };
+    assert_eq!(spotlight(r#""intensity":[1,1,1],"cone_angle":40,"blend":0.5"#), Ok(blend));
+    for (fields, wrong) in [
+        (r#""focus":1"#, "either"),
+        (r#""intensity":[1,1,1],"radiance":[1,1,1]"#, "either"),
+        (r#""intensity":[1,1,1],"focus":1,"beam_width":5"#, "exclude each other"),
+        (r#""intensity":[1,1,1],"beam_width":5"#, "needs"),
+        (r#""intensity":[1,1,1],"beam_width":5,"cutoff_angle":4"#, "less than"),
+        (r#""intensity":[1,1,1],"blend":0.5"#, "only with"),
+        (r#""intensity":[1,1,1],"cone_angle":40,"cutoff_angle":4"#, "both say"),
+    ] {
+        let found = spotlight(fields).unwrap_err();
+        assert!(found.contains(wrong) && found.contains("lights.l"), "{fields}: {found}");
+    }
 }
 
 /// The transform of the camera when it is written like this.

@@ -1,0 +1,22 @@
+//! Owns the metal lobe: GGX facets under Schlick's Fresnel term.
+
+use crate::bsdf::fresnel::schlick;
+use crate::bsdf::microfacet::Microfacets;
+use glam::Vec3;
+
+/// Burley's specular lobe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Metal {
+    pub(super) facets: Microfacets,
+    /// Colour at normal incidence.
+    pub(super) c0: Vec3,
+}
+
+impl Metal {
+    /// Both directions outside, `h` between them.
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3, h: Vec3) -> Vec3 {
+        let facets = &self.facets;
+        let masked = facets.unmasked(wo) * facets.unmasked(wi);
+        schlick(self.c0, h.dot(wi).abs()) * (facets.density(h) * masked / (4.0 * wo.z))
+    }
+}

@@ -1,0 +1,181 @@
+//! Owns all lights of a scene and the choice among them.
+
+use super::emitter::Ball;
+use super::tree::{Tree, View};
+use super::{Light, Receiver};
+use crate::math::Aabb;
+use glam::Vec3;
+
+/// All lights of a scene and the choice among them.
+///
+/// Few lights are all weighed by what each might bring to the receiver. Of many, those at a finite distance form a
+/// tree that is walked down, and those at infinity stand beside it.
+#[derive(Debug, Clone, Default)]
+pub struct Lights {
+    lights: Vec<Light>,
+    /// Those at a finite distance, by number.
+    balls: Vec<Option<Ball>>,
+    /// Numbers of the lights at infinity.
+    infinite: Vec<u32>,
+    tree: Option<Tree>,
+    /// Squared distance below which lights do not gain weight, so that weights stay finite.
+    nearest2: f32,
+}
+
+impl Lights {
+    /// Up to this many lights are all weighed at every receiver.
+    pub const WEIGH_ALL: usize = 64;
+
+    /// Least probability of the tree and of the lights at infinity where both might bring something: the tree's root
+    /// is a rough guess.
+    const LEAST_SHARE: f32 = 1.0 / 16.0;
+
+    /// The lights of a scene with these bounds.
+    pub fn new(lights: Vec<Light>, scene: &Aabb) -> Self {
+        let emitters: Vec<_> = lights.iter().map(Light::emitter).collect();
+        let infinite = (0..lights.len() as u32).filter(|&i| emitters[i as usize].is_none()).collect();
+        let size2 = if scene.is_empty() { 0.0 } else { scene.size().length_squared() };
+        let nearest2 = (size2 * 1e-14).clamp(1e-30, 1e30);
+        let tree = (lights.len() > Self::WEIGH_ALL).then(|| Tree::new(&emitters));
+        let balls = emitters.iter().map(|e| e.as_ref().map(Ball::new)).collect();
+        Self { lights, balls, infinite, tree, nearest2 }
+    }
+
+    /// Whether it is dark.
+    pub fn is_empty(&self) -> bool {
+        self.lights.is_empty()
+    }
+
+    /// The lights, by number.
+    pub fn all(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Chooses a light for a receiver by `u` in [0, 1): its number and the probability of the choice. `None` where no
+    /// light would bring anything.
+    pub fn choose(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
+        let Some(tree) = &self.tree else { return self.choose_of_few(from, u) };
+        let beside = self.infinite_importance(from);
+        let view = self.view(from);
+        let share = tree_share(tree.importance(&view), beside);
+        if u < share {
+            return tree.choose(&view, f64::from(u) / f64::from(share)).map(|(i, p)| (i, p * share));
+        }
+        let numbers = self.infinite.iter().map(|&i| i as usize);
+        let weights = numbers.map(|i| (i, self.importance(i, from)));
+        pick(weights, (u - share) / (1.0 - share) * beside).map(|(i, w)| (i, w / beside * (1.0 - share)))
+    }
+
+    /// Probability with which [`Lights::choose`] takes a light.
+    pub fn choice_pdf(&self, from: &Receiver, index: usize) -> f32 {
+        let Some(tree) = &self.tree else {
+            let (weights, total) = self.importances(from);
+            return if total > 0.0 { weights[index] / total } else { 0.0 };
+        };
+        let beside = self.infinite_importance(from);
+        let view = self.view(from);
+        let share = tree_share(tree.importance(&view), beside);
+        if self.balls[index].is_some() {
+            if share > 0.0 { tree.choice_pdf(&view, index) * share } else { 0.0 }
+        } else if share < 1.0 && beside > 0.0 {
+            (1.0 - share) * self.importance(index, from) / beside
+        } else {
+            0.0
+        }
+    }
+
+    /// Lights at infinity along a ray that leaves the scene: number, radiance, and the density per solid angle of
+    /// having sampled `d`; the choice of the light is not in it.
+    pub fn infinite(&self, d: Vec3) -> impl Iterator<Item = (usize, Vec3, f32)> {
+        self.infinite.iter().filter_map(move |&i| {
+            let (radiance, pdf) = match &self.lights[i as usize] {
+                Light::Sun(l) => l.seen(d)?,
+                Light::Environment(l) => l.seen(d)?,
+                Light::Triangle(_)
+                | Light::Rectangle(_)
+                | Light::Sphere(_)
+                | Light::Point(_)
+                | Light::Spotlight(_) => return None,
+            };
+            Some((i as usize, radiance, pdf))
+        })
+    }
+
+    /// What light `index` (a surface) sends from its point `q`, whose front has the geometric normal `ng`, back along
+    /// the unit direction `d` from `from` to `q`: radiance, and the density per solid angle of having sampled it; the
+    /// choice of the light is not in it. `None` from behind.
+    pub fn emitted(&self, index: usize, from: Vec3, q: Vec3, ng: Vec3, d: Vec3) -> Option<(Vec3, f32)> {
+        if d.dot(ng) >= 0.0 {
+            return None;
+        }
+        match &self.lights[index] {
+            Light::Triangle(l) => Some((l.radiance(), l.pdf(from, q))),
+            Light::Rectangle(l) => Some((l.radiance(), l.pdf(from, q))),
+            Light::Sphere(l) => Some((l.radiance, l.pdf(from))),
+            Light::Point(_) | Light::Spotlight(_) | Light::Sun(_) | Light::Environment(_) => None,
+        }
+    }
+
+    /// What a light might bring to a receiver, unoccluded; 0 only where it brings nothing.
+    #[inline]
+    fn importance(&self, index: usize, from: &Receiver) -> f32 {
+        let weight = match (&self.lights[index], &self.balls[index]) {
+            (Light::Spotlight(l), _) => l.importance(from, self.nearest2),
+            (Light::Sun(l), _) => l.importance(from),
+            (Light::Environment(l), _) => l.importance(),
+            (_, Some(ball)) => ball.importance(from, self.nearest2),
+            (_, None) => 0.0,
+        };
+        if weight.is_finite() { weight } else { 0.0 }
+    }
+
+    fn view<'a>(&'a self, from: &'a Receiver) -> View<'a, impl Fn(usize) -> f32> {
+        View { from, nearest2: self.nearest2, of_light: |index| self.importance(index, from) }
+    }
+
+    fn infinite_importance(&self, from: &Receiver) -> f32 {
+        self.infinite.iter().map(|&i| self.importance(i as usize, from)).sum()
+    }
+
+    /// The weights of few lights, and their sum.
+    fn importances(&self, from: &Receiver) -> ([f32; Self::WEIGH_ALL], f32) {
+        let mut weights = [0.0; Self::WEIGH_ALL];
+        let mut total = 0.0;
+        for (index, weight) in weights.iter_mut().enumerate().take(self.lights.len()) {
+            *weight = self.importance(index, from);
+            total += *weight;
+        }
+        (weights, total)
+    }
+
+    fn choose_of_few(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
+        let (weights, total) = self.importances(from);
+        pick(weights.into_iter().enumerate(), u * total).map(|(i, w)| (i, w / total))
+    }
+}
+
+/// The item at `rest` along the weights laid end to end; never one of weight 0.
+fn pick(weights: impl Iterator<Item = (usize, f32)>, mut rest: f32) -> Option<(usize, f32)> {
+    let mut chosen = None;
+    for (index, weight) in weights {
+        if weight > 0.0 {
+            chosen = Some((index, weight));
+            if rest < weight {
+                break;
+            }
+            rest -= weight;
+        }
+    }
+    chosen
+}
+
+/// Probability of the tree beside the lights at infinity, from the weights of both.
+fn tree_share(tree: f32, beside: f32) -> f32 {
+    if tree > 0.0 && beside > 0.0 {
+        (tree / (tree + beside)).clamp(Lights::LEAST_SHARE, 1.0 - Lights::LEAST_SHARE)
+    } else if tree > 0.0 {
+        1.0
+    } else {
+        0.0
+    }
+}
