@@ -55,7 +55,7 @@ impl ImageTexture {
         let (u, v) = (inside(place.x, self.wrap), inside(place.y, self.wrap));
         let (width, height) = (self.image.width(), self.image.height());
         // Rows of the image run down, v upwards.
-        let texel = |x: u32, up: u32| texel(x, up);
+        let texel = |x: u32, up: u32| texel(x, height - 1 - up);
         Some(match self.filter {
             TextureFilter::Nearest => texel(nearest(u, width), nearest(v, height)),
             TextureFilter::Bilinear => {
@@ -78,7 +78,7 @@ impl ImageTexture {
     fn neighbour(&self, index: i64, size: u32) -> u32 {
         let size = i64::from(size);
         match self.wrap {
-            Wrap::Repeat => index.rem_euclid(size) as u32,
+            Wrap::Repeat => index.clamp(0, size - 1) as u32,
             Wrap::Mirror | Wrap::Clamp => index.clamp(0, size - 1) as u32,
         }
     }
