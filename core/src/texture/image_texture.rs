@@ -78,7 +78,7 @@ impl ImageTexture {
     fn neighbour(&self, index: i64, size: u32) -> u32 {
         let size = i64::from(size);
         match self.wrap {
-            Wrap::Repeat => index.clamp(0, size - 1) as u32,
+            Wrap::Repeat => index.rem_euclid(size) as u32,
             Wrap::Mirror | Wrap::Clamp => index.clamp(0, size - 1) as u32,
         }
     }
