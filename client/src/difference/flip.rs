@@ -27,6 +27,7 @@ pub(crate) fn flip_mean(a: &Pixels, b: &Pixels, width: u32, height: u32) -> Opti
 #[cfg(test)]
 mod tests {
     use super::flip_mean;
+    use karst_core::math::powf;
 
     #[test]
     fn what_looks_the_same_is_0_and_black_against_white_is_1() {
@@ -38,5 +39,20 @@ mod tests {
         // Above white nothing is seen.
         assert_eq!(flip_mean(&vec![[7.0; 3]; 64 * 48], &white, 64, 48), Some(0.0));
         assert_eq!(flip_mean(&Vec::new(), &Vec::new(), 0, 0), None);
+    }
+
+    /// The figure is that of the authors' Python package (flip-evaluator 1.7, LDR-FLIP) for the same 8-bit pictures.
+    #[test]
+    fn the_figure_is_that_of_another_build_of_the_metric() {
+        let linear = |code: u32| {
+            let code = code.min(255) as f32 / 255.0;
+            if code <= 0.04045 { code / 12.92 } else { powf((code + 0.055) / 1.055, 2.4) }
+        };
+        let pixels = |noise: fn(u32, u32) -> u32| -> Vec<[f32; 3]> {
+            let places = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
+            places.map(|(x, y)| [4 * x + noise(x, y), 5 * y, 128 - noise(x, y)].map(linear)).collect()
+        };
+        let found = flip_mean(&pixels(|x, y| (7 * x + 13 * y) % 32), &pixels(|_, _| 0), 64, 48).unwrap();
+        assert!((found - 0.227_290).abs() < 1.0e-4, "{found}");
     }
 }

@@ -30,6 +30,12 @@ pub enum ImageError {
         /// Names of the channels of all parts.
         found: String,
     },
+    /// An EXR file whose values would depend on the machine that reads it.
+    #[error("has {name}, which is not read: its values differ between machines; save it with ZIP or PIZ")]
+    Compression {
+        /// Name of the compression.
+        name: String,
+    },
     /// More texels than are left of the limit.
     #[error("has {width} x {height} texels, {left} are left of the limit for all images together")]
     TooLarge {

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use exr::block::samples::FromNativeSample;
+use exr::compression::Compression;
 use exr::image::read::image::ReadLayers;
 use exr::image::read::layers::ReadChannels;
 use exr::image::read::specific_channels::ReadSpecificChannel;
@@ -18,8 +19,8 @@ use super::{Data, Image, ImageError, check_size};
 /// The first bytes of such files.
 pub(super) const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// No compression of EXR packs more values into a byte: deflate makes 1032 bytes of one, DWA 64 values of two.
-const MAX_VALUES_PER_BYTE: u64 = 32 * 1032;
+/// No compression that is read packs more values into a byte: deflate makes 1032 bytes of one at best.
+const MAX_VALUES_PER_BYTE: u64 = 1100;
 
 /// Reads a file of at most `left` texels. Every part is held against the limit, though only one is kept.
 pub(super) fn read(bytes: &[u8], left: u64) -> Result<Image, ImageError> {
@@ -39,9 +40,13 @@ pub(super) fn read(bytes: &[u8], left: u64) -> Result<Image, ImageError> {
     }
 }
 
-/// Refuses sizes that are over the limit or that the bytes cannot hold.
+/// Refuses sizes that are over the limit or that the bytes cannot hold, and a compression whose decoder calls the
+/// system's powers and cosines: texels must be the same bits on every machine.
 fn check_header(header: &Header, bytes: usize, left: u64) -> Result<(), ImageError> {
     let Vec2(width, height) = header.layer_size;
+    if let compression @ (Compression::DWAA(_) | Compression::DWAB(_)) = header.compression {
+        return Err(ImageError::Compression { name: compression.to_string() });
+    }
     let limit = |size: usize| u32::try_from(size).unwrap_or(u32::MAX);
     let (width, height) = (limit(width), limit(height));
     check_size(width, height, left)?;
@@ -61,13 +66,13 @@ struct Choice {
 }
 
 /// The values of the chosen channels, those of a texel together.
-struct Values<S> {
+struct Grid<S> {
     size: Vec2<usize>,
     channels: usize,
     values: Vec<S>,
 }
 
-impl<S: FromNativeSample> Values<S> {
+impl<S: FromNativeSample> Grid<S> {
     fn new(size: Vec2<usize>, channels: usize) -> Self {
         Self { size, channels, values: vec![S::default(); size.area() * channels] }
     }
@@ -99,7 +104,7 @@ impl Choice {
     }
 
     /// Decodes the first part that has the chosen channels.
-    fn decode<S: FromNativeSample>(&self, bytes: &[u8]) -> Result<Values<S>, ImageError> {
+    fn decode<S: FromNativeSample>(&self, bytes: &[u8]) -> Result<Grid<S>, ImageError> {
         let part = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
         let (one, channels) = (S::from_f32(1.0), self.names.len());
         // Alpha is asked for even where it is left out: there are two kinds of reader then, not four.
@@ -110,12 +115,12 @@ impl Choice {
                 .required(b.clone())
                 .optional("A", one)
                 .collect_pixels(
-                    |size, _: &_| Values::new(size, channels),
-                    |values: &mut Values<S>, position, (r, g, b, a): (S, S, S, S)| {
+                    |size, _: &_| Grid::new(size, channels),
+                    |values: &mut Grid<S>, position, (r, g, b, a): (S, S, S, S)| {
                         values.set(position, [r, g, b, a]);
                     },
                 );
-            let file: ExrFile<Layer<SpecificChannels<Values<S>, _>>> = reader
+            let file: ExrFile<Layer<SpecificChannels<Grid<S>, _>>> = reader
                 .first_valid_layer()
                 .all_attributes()
                 .non_parallel()
@@ -123,10 +128,10 @@ impl Choice {
             return Ok(file.layer_data.channel_data.pixels);
         }
         let reader = part.required(self.names[0].clone()).optional("A", one).collect_pixels(
-            |size, _: &_| Values::new(size, channels),
-            |values: &mut Values<S>, position, (y, a): (S, S)| values.set(position, [y, a]),
+            |size, _: &_| Grid::new(size, channels),
+            |values: &mut Grid<S>, position, (y, a): (S, S)| values.set(position, [y, a]),
         );
-        let file: ExrFile<Layer<SpecificChannels<Values<S>, _>>> =
+        let file: ExrFile<Layer<SpecificChannels<Grid<S>, _>>> =
             reader.first_valid_layer().all_attributes().non_parallel().from_buffered(Cursor::new(bytes))?;
         Ok(file.layer_data.channel_data.pixels)
     }
@@ -134,11 +139,11 @@ impl Choice {
     /// The image, if all its values are finite.
     fn image<S: Copy>(
         &self,
-        decoded: Values<S>,
+        decoded: Grid<S>,
         data: fn(Vec<S>) -> Data,
         float: fn(S) -> f32,
     ) -> Result<Image, ImageError> {
-        let Values { size: Vec2(width, height), channels, values } = decoded;
+        let Grid { size: Vec2(width, height), channels, values } = decoded;
         if let Some(index) = values.iter().position(|&value| !float(value).is_finite()) {
             let texel = index / channels;
             return Err(ImageError::NotFinite {
