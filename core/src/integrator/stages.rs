@@ -34,7 +34,8 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     for at in 0..paths.active.len() {
         let path = paths.active[at] as usize;
         let hit = scene.intersect(&paths.rays[path], spread, &mut paths.march);
-        paths.hits[path] = if scene.has_holes() { cross(scene, bounce, paths, path, hit, spread) } else { hit };
+        paths.hits[path] =
+            if scene.has_holes() { cross(scene, bounce, paths, path, hit, spread) } else { hit };
     }
 }
 
@@ -54,8 +55,7 @@ fn cross(
         let surface = scene.surface(&ray, &found?, spread);
         let opacity = scene.opacity(&surface);
         let stops = opacity > 0.0
-            && (opacity >= 1.0
-                || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity);
+            && (opacity >= 1.0 || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity);
         if stops {
             return found;
         }
@@ -163,7 +163,8 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
     }
     let receiver = vertex.receiver();
     let (light, choice) = scene.lights().choose(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
-    let sample = scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
+    let sample =
+        scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
     let (f, scattered) = vertex.bsdf.scatter(vertex.wo, vertex.to_local(sample.wi)?);
     if f == Vec3::ZERO {
         return None;
@@ -191,7 +192,8 @@ fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
 fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, bounce: u32) -> bool {
     let sampler = paths.samplers[path];
     let lobe = sampler.get_1d(Decision::Lobe(bounce));
-    let Some(sample) = vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce))) else {
+    let Some(sample) = vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce)))
+    else {
         return false;
     };
     let Some(wi) = vertex.to_world(sample.wi) else { return false };
