@@ -77,7 +77,7 @@ fn what_is_missing() {
 ① sdf_objects.a.material: found nothing, expected the name of a material
 ② sdf_objects.a.tree.child: found nothing, expected an SDF node object
 ③ lights.sky.type: found nothing, expected the type of the light
-  hint: light types: environment",
+  hint: light types: environment, point, spotlight, sun",
     );
 }
 
