@@ -1,7 +1,7 @@
 //! Owns all lights of a scene and the choice among them.
 
 use super::emitter::Balls;
-use super::tree::{Tree, View};
+use super::tree::{Cut, Tree, View};
 use super::{Light, Receiver};
 use crate::math::Aabb;
 use glam::Vec3;
@@ -12,7 +12,7 @@ use glam::Vec3;
 /// tree that is walked down, and those at infinity stand beside it.
 #[derive(Debug, Clone, Default)]
 pub struct Lights {
-    lights: Vec<Light>,
+    all: Vec<Light>,
     /// Few lights, eight at a time.
     few: Vec<Balls>,
     /// Numbers of the lights that are weighed by themselves: those at infinity, and spotlights.
@@ -47,18 +47,18 @@ impl Lights {
             infinite: numbers(&|i| emitters[i].is_none()),
             tree: many.then(|| Tree::new(&emitters, is_exact)),
             nearest2: (size2 * 1e-14).clamp(1e-30, 1e30),
-            lights,
+            all: lights,
         }
     }
 
     /// Whether it is dark.
     pub fn is_empty(&self) -> bool {
-        self.lights.is_empty()
+        self.all.is_empty()
     }
 
     /// The lights, by number.
     pub fn all(&self) -> &[Light] {
-        &self.lights
+        &self.all
     }
 
     /// Chooses a light for a receiver by `u` in [0, 1): its number and the probability of the choice. `None` where no
@@ -66,9 +66,10 @@ impl Lights {
     pub fn choose(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
         let Some(tree) = &self.tree else { return self.choose_of_few(from, u) };
         let view = self.view(from);
-        let (share, beside) = self.tree_share(tree, &view);
+        let cut = tree.cut(&view);
+        let (share, beside) = self.tree_share(&cut, &view);
         if u < share {
-            return tree.choose(&view, f64::from(u) / f64::from(share)).map(|(i, p)| (i, p * share));
+            return tree.choose(&view, &cut, f64::from(u) / f64::from(share)).map(|(i, p)| (i, p * share));
         }
         let numbers = self.infinite.iter().map(|&i| i as usize);
         let weights = numbers.map(|i| (i, self.importance(i, from)));
@@ -82,10 +83,11 @@ impl Lights {
             return if total > 0.0 { weights[index] / total } else { 0.0 };
         };
         let view = self.view(from);
-        let (share, beside) = self.tree_share(tree, &view);
-        let at_infinity = matches!(self.lights[index], Light::Sun(_) | Light::Environment(_));
+        let cut = tree.cut(&view);
+        let (share, beside) = self.tree_share(&cut, &view);
+        let at_infinity = matches!(self.all[index], Light::Sun(_) | Light::Environment(_));
         if !at_infinity {
-            if share > 0.0 { tree.choice_pdf(&view, index) * share } else { 0.0 }
+            if share > 0.0 { tree.choice_pdf(&view, &cut, index) * share } else { 0.0 }
         } else if share < 1.0 && beside > 0.0 {
             (1.0 - share) * self.importance(index, from) / beside
         } else {
@@ -97,7 +99,7 @@ impl Lights {
     /// having sampled `d`; the choice of the light is not in it.
     pub fn infinite(&self, d: Vec3) -> impl Iterator<Item = (usize, Vec3, f32)> {
         self.infinite.iter().filter_map(move |&i| {
-            let (radiance, pdf) = match &self.lights[i as usize] {
+            let (radiance, pdf) = match &self.all[i as usize] {
                 Light::Sun(l) => l.seen(d)?,
                 Light::Environment(l) => l.seen(d)?,
                 Light::Triangle(_)
@@ -117,7 +119,7 @@ impl Lights {
         if d.dot(ng) >= 0.0 {
             return None;
         }
-        match &self.lights[index] {
+        match &self.all[index] {
             Light::Triangle(l) => Some((l.radiance(), l.pdf(from, q))),
             Light::Rectangle(l) => Some((l.radiance(), l.pdf(from, q))),
             Light::Sphere(l) => Some((l.radiance, l.pdf(from))),
@@ -127,7 +129,7 @@ impl Lights {
 
     /// What a light that is weighed by itself might bring to a receiver, unoccluded; 0 only where it brings nothing.
     fn importance(&self, index: usize, from: &Receiver) -> f32 {
-        let weight = match &self.lights[index] {
+        let weight = match &self.all[index] {
             Light::Spotlight(l) => l.importance(from, self.nearest2),
             Light::Sun(l) => l.importance(from),
             Light::Environment(l) => l.importance(),
@@ -141,12 +143,12 @@ impl Lights {
     }
 
     /// Probability of the tree beside the lights at infinity, and the weight of the latter.
-    fn tree_share<F: Fn(usize) -> f32>(&self, tree: &Tree, view: &View<'_, F>) -> (f32, f32) {
+    fn tree_share<F: Fn(usize) -> f32>(&self, cut: &Cut, view: &View<'_, F>) -> (f32, f32) {
         if self.infinite.is_empty() {
             return (1.0, 0.0);
         }
         let beside: f32 = self.infinite.iter().map(|&i| (view.exact)(i as usize)).sum();
-        let tree = tree.importance(view);
+        let tree = cut.total() as f32;
         let share = if tree > 0.0 && beside > 0.0 {
             (tree / (tree + beside)).clamp(Self::LEAST_SHARE, 1.0 - Self::LEAST_SHARE)
         } else if tree > 0.0 {
@@ -161,12 +163,12 @@ impl Lights {
     fn importances(&self, from: &Receiver) -> ([f32; Self::WEIGH_ALL], f32) {
         let mut weights = [0.0; Self::WEIGH_ALL];
         for (weights, balls) in weights.chunks_exact_mut(8).zip(&self.few) {
-            weights.copy_from_slice(&balls.importance(from, self.nearest2));
+            weights.copy_from_slice(&balls.importance(from, self.nearest2).0);
         }
         for &index in &self.exact {
             weights[index as usize] = self.importance(index as usize, from);
         }
-        (weights, weights[..self.lights.len()].iter().sum())
+        (weights, weights[..self.all.len()].iter().sum())
     }
 
     fn choose_of_few(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {

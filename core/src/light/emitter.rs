@@ -119,8 +119,11 @@ impl Balls {
     /// Roughly the irradiance that each brings, unoccluded: intensity times both cosines over squared distance, of the
     /// most favourable place in the ball; 0 only where it brings nothing. The squared distance is at least that of
     /// the ball's radius and `nearest2`.
+    ///
+    /// Second, how coarse a guess that is for more than one light: the squared part of the distance that the ball's
+    /// radius is, 1 from within.
     #[inline]
-    pub(super) fn importance(&self, from: &Receiver, nearest2: f32) -> [f32; 8] {
+    pub(super) fn importance(&self, from: &Receiver, nearest2: f32) -> ([f32; 8], [f32; 8]) {
         let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
         let towards = [0, 1, 2].map(|axis| self.center[axis] - f32x8::splat(from.p[axis]));
         let d2 = dot(towards, towards);
@@ -138,9 +141,11 @@ impl Balls {
             less_angle(angle(dot(towards, normal) * inverse), ball).0.max(zero)
         };
         let cosines = d2.simd_gt(self.radius2).select(out * received, one);
-        let weight = self.intensity / d2.max(self.radius2).max(f32x8::splat(nearest2)) * cosines;
+        let far2 = d2.max(self.radius2).max(f32x8::splat(nearest2));
+        let weight = self.intensity / far2 * cosines;
         // NaN and infinity fail the comparison.
-        weight.simd_lt(f32x8::splat(f32::INFINITY)).select(weight, zero).to_array()
+        let weight = weight.simd_lt(f32x8::splat(f32::INFINITY)).select(weight, zero);
+        (weight.to_array(), (self.radius2 / far2).to_array())
     }
 }
 

@@ -122,50 +122,66 @@ impl Tree {
         number
     }
 
-    /// What all lights together might bring.
-    pub(super) fn importance<F: Fn(usize) -> f32>(&self, view: &View<'_, F>) -> f32 {
-        self.nodes.first().map_or(0.0, |root| root.importance(view).iter().sum())
+    /// The nodes that the receiver looks into together.
+    pub(super) fn cut<F: Fn(usize) -> f32>(&self, view: &View<'_, F>) -> Cut {
+        let mut cut = Cut { rows: [Row::default(); Cut::MOST], count: 0 };
+        if !self.nodes.is_empty() {
+            cut.open(self, 0, view);
+        }
+        while cut.count < Cut::MOST {
+            let rows = &mut cut.rows[..cut.count];
+            let total: f32 = rows.iter().map(|row| row.total).sum();
+            let worst = rows.iter_mut().max_by(|a, b| a.worst.total_cmp(&b.worst));
+            let Some(row) = worst.filter(|row| row.worst > Cut::GOOD * total) else { break };
+            let lane = row.worst_lane as usize;
+            let Below::Node(child) = self.nodes[row.node as usize].below[lane] else { break };
+            row.weights[lane] = 0.0;
+            row.urgency[lane] = 0.0;
+            row.sum_up();
+            cut.open(self, child, view);
+        }
+        cut
     }
 
-    /// Walks down by `u` in [0, 1): the light and its probability.
-    pub(super) fn choose<F: Fn(usize) -> f32>(&self, view: &View<'_, F>, mut u: f64) -> Option<(usize, f32)> {
-        let mut pdf = 1.0;
-        let mut node = self.nodes.first()?;
+    /// Walks down from the cut by `u` in [0, 1): the light and its probability.
+    pub(super) fn choose<F: Fn(usize) -> f32>(
+        &self,
+        view: &View<'_, F>,
+        cut: &Cut,
+        u: f64,
+    ) -> Option<(usize, f32)> {
+        let rows = cut.rows();
+        let lanes = rows.iter().flat_map(|row| row.weights);
+        let (at, mut u, mut pdf) = pick(lanes, u, cut.total())?;
+        let mut below = self.nodes[rows[at / WIDTH].node as usize].below[at % WIDTH];
         loop {
-            let weights = node.importance(view);
-            let total = sum(&weights);
-            let mut rest = u * total;
-            let mut lane = None;
-            for (index, weight) in weights.iter().map(|w| f64::from(*w)).enumerate().filter(|(_, w)| *w > 0.0)
-            {
-                lane = Some(index);
-                // Rounding must not make it 1, which is beyond every lane.
-                u = (rest / weight).min(1.0 - f64::EPSILON);
-                if rest < weight {
-                    break;
-                }
-                rest -= weight;
-            }
-            let lane = lane?;
-            pdf *= f64::from(weights[lane]) / total;
-            match node.below[lane] {
+            match below {
                 Below::Nothing => return None,
-                Below::Node(number) => node = &self.nodes[number as usize],
                 Below::Light(light) | Below::Exact(light) => return Some((light as usize, pdf as f32)),
+                Below::Node(number) => {
+                    let node = &self.nodes[number as usize];
+                    let weights = node.importance(view).0;
+                    let lane;
+                    let share;
+                    (lane, u, share) = pick(weights.into_iter(), u, sum(&weights))?;
+                    pdf *= share;
+                    below = node.below[lane];
+                }
             }
         }
     }
 
     /// Probability with which [`Tree::choose`] takes a light, but for roundings: the same walk, upwards.
-    pub(super) fn choice_pdf<F: Fn(usize) -> f32>(&self, view: &View<'_, F>, light: usize) -> f32 {
+    pub(super) fn choice_pdf<F: Fn(usize) -> f32>(&self, view: &View<'_, F>, cut: &Cut, light: usize) -> f32 {
         let mut pdf = 1.0;
         let mut place = self.places[light];
-        if place.is_none() {
-            return 0.0;
-        }
-        while let Some(Place { node, lane }) = place {
-            let node = &self.nodes[node as usize];
-            let weights = node.importance(view);
+        while let Some(Place { node: number, lane }) = place {
+            if let Some(row) = cut.rows().iter().find(|row| row.node == number) {
+                let weight = f64::from(row.weights[lane as usize]);
+                return if weight > 0.0 { (pdf * (weight / cut.total())) as f32 } else { 0.0 };
+            }
+            let node = &self.nodes[number as usize];
+            let weights = node.importance(view).0;
             let weight = f64::from(weights[lane as usize]);
             if weight == 0.0 {
                 return 0.0;
@@ -173,15 +189,78 @@ impl Tree {
             pdf *= weight / sum(&weights);
             place = node.parent;
         }
-        pdf as f32
+        0.0
+    }
+}
+
+/// The nodes into which a receiver looks before it chooses: from the root down, always where the guess is coarsest for
+/// what it weighs, so that what is near is looked at closely (the adaptive splitting of Conty Estevez and Kulla).
+#[derive(Debug)]
+pub(super) struct Cut {
+    rows: [Row; Cut::MOST],
+    count: usize,
+}
+
+/// A node of a cut: what its children weigh; 0 for those that are nodes of the cut themselves.
+#[derive(Debug, Clone, Copy, Default)]
+struct Row {
+    node: u32,
+    weights: [f32; WIDTH],
+    /// How coarse a guess each weight is, in units of weight; 0 of lights.
+    urgency: [f32; WIDTH],
+    total: f32,
+    /// The greatest urgency, and whose it is.
+    worst: f32,
+    worst_lane: u32,
+}
+
+impl Cut {
+    /// Most nodes in a cut.
+    const MOST: usize = 16;
+
+    /// Guesses that are coarse by less than this part of the total are good enough.
+    const GOOD: f32 = 1.0 / 64.0;
+
+    fn rows(&self) -> &[Row] {
+        &self.rows[..self.count]
+    }
+
+    /// What all lights of the tree together might bring.
+    pub(super) fn total(&self) -> f64 {
+        self.rows().iter().flat_map(|row| row.weights).map(f64::from).sum()
+    }
+
+    fn open<F: Fn(usize) -> f32>(&mut self, tree: &Tree, number: u32, view: &View<'_, F>) {
+        let node = &tree.nodes[number as usize];
+        let (weights, coarse) = node.importance(view);
+        let row = &mut self.rows[self.count];
+        (row.node, row.weights) = (number, weights);
+        for lane in 0..WIDTH {
+            let inner = matches!(node.below[lane], Below::Node(_));
+            row.urgency[lane] = if inner { weights[lane] * coarse[lane] } else { 0.0 };
+        }
+        row.sum_up();
+        self.count += 1;
+    }
+}
+
+impl Row {
+    fn sum_up(&mut self) {
+        self.total = self.weights.iter().sum();
+        self.worst = 0.0;
+        for (lane, urgency) in self.urgency.iter().enumerate() {
+            if *urgency > self.worst {
+                (self.worst, self.worst_lane) = (*urgency, lane as u32);
+            }
+        }
     }
 }
 
 impl Node {
-    /// What each child might bring.
+    /// What each child might bring, and how coarse a guess that is.
     #[inline]
-    fn importance<F: Fn(usize) -> f32>(&self, view: &View<'_, F>) -> [f32; WIDTH] {
-        let mut weights = self.balls.importance(view.from, view.nearest2);
+    fn importance<F: Fn(usize) -> f32>(&self, view: &View<'_, F>) -> ([f32; WIDTH], [f32; WIDTH]) {
+        let (mut weights, coarse) = self.balls.importance(view.from, view.nearest2);
         if self.exact {
             for (weight, below) in weights.iter_mut().zip(&self.below) {
                 if let Below::Exact(light) = below {
@@ -189,12 +268,30 @@ impl Node {
                 }
             }
         }
-        weights
+        (weights, coarse)
     }
 }
 
 fn sum(weights: &[f32; WIDTH]) -> f64 {
     weights.iter().map(|w| f64::from(*w)).sum()
+}
+
+/// The weight at the part `u` of weights laid end to end: its number, where `u` falls within it (0 to 1), and its part
+/// of the total. Never one of weight 0.
+fn pick(weights: impl Iterator<Item = f32>, u: f64, total: f64) -> Option<(usize, f64, f64)> {
+    let mut rest = u * total;
+    let mut picked = None;
+    for (index, weight) in weights.map(f64::from).enumerate() {
+        if weight > 0.0 {
+            // Rounding must not make it 1, which is beyond every weight.
+            picked = Some((index, (rest / weight).min(1.0 - f64::EPSILON), weight / total));
+            if rest < weight {
+                break;
+            }
+            rest -= weight;
+        }
+    }
+    picked
 }
 
 /// One or more items that may become a child.
