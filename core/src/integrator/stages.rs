@@ -7,7 +7,7 @@ use crate::film::Counters;
 use crate::light::{LightSample, Target};
 use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
-use crate::scene::{Hit, Scene};
+use crate::scene::{Hit, Scene, Strategy};
 use glam::{Vec2, Vec3};
 
 /// Sends a ray through every sample of every pixel.
@@ -122,6 +122,11 @@ fn scattered_weight(scene: &Scene, paths: &Paths, path: usize, light: usize, lig
     if pdf.is_infinite() {
         return 1.0;
     }
+    match scene.strategy() {
+        Strategy::Both => {}
+        Strategy::Scattering => return 1.0,
+        Strategy::Lights => return 0.0,
+    }
     power_heuristic(pdf, light_pdf * scene.lights().choice_pdf(&paths.receivers[path], light))
 }
 
@@ -171,7 +176,12 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
     }
     let pdf = sample.pdf * choice;
     // No path finds a light without extent by itself.
-    let weight = if sample.delta { 1.0 } else { power_heuristic(pdf, scattered) };
+    let weight = match scene.strategy() {
+        _ if sample.delta => 1.0,
+        Strategy::Both => power_heuristic(pdf, scattered),
+        Strategy::Scattering => return None,
+        Strategy::Lights => 1.0,
+    };
     Some((shadow_ray(vertex, &sample), f * sample.radiance * (weight / pdf)))
 }
 

@@ -216,7 +216,7 @@ struct Row {
 
 impl Cut {
     /// Most nodes in a cut.
-    const MOST: usize = 16;
+    const MOST: usize = 8;
 
     /// Guesses that are coarse by less than this part of the total are good enough.
     const GOOD: f32 = 1.0 / 64.0;

@@ -12,7 +12,7 @@ mod tape;
 
 pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};
-pub use compiled::Scene;
+pub use compiled::{Scene, Strategy};
 pub use document::{
     AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Falloff,
     Film, Filter, FrameRange, Goal, Instance, Integrator, Light, Limits, LookAt, Material, MeshFile, Model,
