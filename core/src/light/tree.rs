@@ -197,7 +197,7 @@ impl Tree {
 /// what it weighs, so that what is near is looked at closely (the adaptive splitting of Conty Estevez and Kulla).
 #[derive(Debug)]
 pub(super) struct Cut {
-    rows: [Row; Cut::MOST],
+    rows: [Row; Self::MOST],
     count: usize,
 }
 
