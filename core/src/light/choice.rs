@@ -1,7 +1,7 @@
 //! Owns all lights of a scene and the choice among them.
 
-use super::emitter::Ball;
-use super::tree::{Tree, View};
+use super::emitter::Balls;
+use super::tree::{Cut, Tree, View};
 use super::{Light, Receiver};
 use crate::math::Aabb;
 use glam::Vec3;
@@ -12,11 +12,14 @@ use glam::Vec3;
 /// tree that is walked down, and those at infinity stand beside it.
 #[derive(Debug, Clone, Default)]
 pub struct Lights {
-    lights: Vec<Light>,
-    /// Those at a finite distance, by number.
-    balls: Vec<Option<Ball>>,
+    all: Vec<Light>,
+    /// Few lights, eight at a time.
+    few: Vec<Balls>,
+    /// Numbers of the lights that are weighed by themselves: those at infinity, and spotlights.
+    exact: Vec<u32>,
     /// Numbers of the lights at infinity.
     infinite: Vec<u32>,
+    /// Over many lights.
     tree: Option<Tree>,
     /// Squared distance below which lights do not gain weight, so that weights stay finite.
     nearest2: f32,
@@ -33,33 +36,40 @@ impl Lights {
     /// The lights of a scene with these bounds.
     pub fn new(lights: Vec<Light>, scene: &Aabb) -> Self {
         let emitters: Vec<_> = lights.iter().map(Light::emitter).collect();
-        let infinite = (0..lights.len() as u32).filter(|&i| emitters[i as usize].is_none()).collect();
+        let numbers =
+            |of: &dyn Fn(usize) -> bool| (0..lights.len() as u32).filter(|&i| of(i as usize)).collect();
+        let is_exact = |i: usize| emitters[i].is_none() || matches!(lights[i], Light::Spotlight(_));
         let size2 = if scene.is_empty() { 0.0 } else { scene.size().length_squared() };
-        let nearest2 = (size2 * 1e-14).clamp(1e-30, 1e30);
-        let tree = (lights.len() > Self::WEIGH_ALL).then(|| Tree::new(&emitters));
-        let balls = emitters.iter().map(|e| e.as_ref().map(Ball::new)).collect();
-        Self { lights, balls, infinite, tree, nearest2 }
+        let many = lights.len() > Self::WEIGH_ALL;
+        Self {
+            few: if many { Vec::new() } else { emitters.chunks(8).map(Balls::new).collect() },
+            exact: numbers(&is_exact),
+            infinite: numbers(&|i| emitters[i].is_none()),
+            tree: many.then(|| Tree::new(&emitters, is_exact)),
+            nearest2: (size2 * 1e-14).clamp(1e-30, 1e30),
+            all: lights,
+        }
     }
 
     /// Whether it is dark.
     pub fn is_empty(&self) -> bool {
-        self.lights.is_empty()
+        self.all.is_empty()
     }
 
     /// The lights, by number.
     pub fn all(&self) -> &[Light] {
-        &self.lights
+        &self.all
     }
 
     /// Chooses a light for a receiver by `u` in [0, 1): its number and the probability of the choice. `None` where no
     /// light would bring anything.
     pub fn choose(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
         let Some(tree) = &self.tree else { return self.choose_of_few(from, u) };
-        let beside = self.infinite_importance(from);
         let view = self.view(from);
-        let share = tree_share(tree.importance(&view), beside);
+        let cut = tree.cut(&view);
+        let (share, beside) = self.tree_share(&cut, &view);
         if u < share {
-            return tree.choose(&view, f64::from(u) / f64::from(share)).map(|(i, p)| (i, p * share));
+            return tree.choose(&view, &cut, f64::from(u) / f64::from(share)).map(|(i, p)| (i, p * share));
         }
         let numbers = self.infinite.iter().map(|&i| i as usize);
         let weights = numbers.map(|i| (i, self.importance(i, from)));
@@ -72,11 +82,12 @@ impl Lights {
             let (weights, total) = self.importances(from);
             return if total > 0.0 { weights[index] / total } else { 0.0 };
         };
-        let beside = self.infinite_importance(from);
         let view = self.view(from);
-        let share = tree_share(tree.importance(&view), beside);
-        if self.balls[index].is_some() {
-            if share > 0.0 { tree.choice_pdf(&view, index) * share } else { 0.0 }
+        let cut = tree.cut(&view);
+        let (share, beside) = self.tree_share(&cut, &view);
+        let at_infinity = matches!(self.all[index], Light::Sun(_) | Light::Environment(_));
+        if !at_infinity {
+            if share > 0.0 { tree.choice_pdf(&view, &cut, index) * share } else { 0.0 }
         } else if share < 1.0 && beside > 0.0 {
             (1.0 - share) * self.importance(index, from) / beside
         } else {
@@ -88,7 +99,7 @@ impl Lights {
     /// having sampled `d`; the choice of the light is not in it.
     pub fn infinite(&self, d: Vec3) -> impl Iterator<Item = (usize, Vec3, f32)> {
         self.infinite.iter().filter_map(move |&i| {
-            let (radiance, pdf) = match &self.lights[i as usize] {
+            let (radiance, pdf) = match &self.all[i as usize] {
                 Light::Sun(l) => l.seen(d)?,
                 Light::Environment(l) => l.seen(d)?,
                 Light::Triangle(_)
@@ -108,7 +119,7 @@ impl Lights {
         if d.dot(ng) >= 0.0 {
             return None;
         }
-        match &self.lights[index] {
+        match &self.all[index] {
             Light::Triangle(l) => Some((l.radiance(), l.pdf(from, q))),
             Light::Rectangle(l) => Some((l.radiance(), l.pdf(from, q))),
             Light::Sphere(l) => Some((l.radiance, l.pdf(from))),
@@ -116,36 +127,48 @@ impl Lights {
         }
     }
 
-    /// What a light might bring to a receiver, unoccluded; 0 only where it brings nothing.
-    #[inline]
+    /// What a light that is weighed by itself might bring to a receiver, unoccluded; 0 only where it brings nothing.
     fn importance(&self, index: usize, from: &Receiver) -> f32 {
-        let weight = match (&self.lights[index], &self.balls[index]) {
-            (Light::Spotlight(l), _) => l.importance(from, self.nearest2),
-            (Light::Sun(l), _) => l.importance(from),
-            (Light::Environment(l), _) => l.importance(),
-            (_, Some(ball)) => ball.importance(from, self.nearest2),
-            (_, None) => 0.0,
+        let weight = match &self.all[index] {
+            Light::Spotlight(l) => l.importance(from, self.nearest2),
+            Light::Sun(l) => l.importance(from),
+            Light::Environment(l) => l.importance(),
+            Light::Triangle(_) | Light::Rectangle(_) | Light::Sphere(_) | Light::Point(_) => 0.0,
         };
         if weight.is_finite() { weight } else { 0.0 }
     }
 
     fn view<'a>(&'a self, from: &'a Receiver) -> View<'a, impl Fn(usize) -> f32> {
-        View { from, nearest2: self.nearest2, of_light: |index| self.importance(index, from) }
+        View { from, nearest2: self.nearest2, exact: |index| self.importance(index, from) }
     }
 
-    fn infinite_importance(&self, from: &Receiver) -> f32 {
-        self.infinite.iter().map(|&i| self.importance(i as usize, from)).sum()
+    /// Probability of the tree beside the lights at infinity, and the weight of the latter.
+    fn tree_share<F: Fn(usize) -> f32>(&self, cut: &Cut, view: &View<'_, F>) -> (f32, f32) {
+        if self.infinite.is_empty() {
+            return (1.0, 0.0);
+        }
+        let beside: f32 = self.infinite.iter().map(|&i| (view.exact)(i as usize)).sum();
+        let tree = cut.total() as f32;
+        let share = if tree > 0.0 && beside > 0.0 {
+            (tree / (tree + beside)).clamp(Self::LEAST_SHARE, 1.0 - Self::LEAST_SHARE)
+        } else if tree > 0.0 {
+            1.0
+        } else {
+            0.0
+        };
+        (share, beside)
     }
 
     /// The weights of few lights, and their sum.
     fn importances(&self, from: &Receiver) -> ([f32; Self::WEIGH_ALL], f32) {
         let mut weights = [0.0; Self::WEIGH_ALL];
-        let mut total = 0.0;
-        for (index, weight) in weights.iter_mut().enumerate().take(self.lights.len()) {
-            *weight = self.importance(index, from);
-            total += *weight;
+        for (weights, balls) in weights.chunks_exact_mut(8).zip(&self.few) {
+            weights.copy_from_slice(&balls.importance(from, self.nearest2).0);
         }
-        (weights, total)
+        for &index in &self.exact {
+            weights[index as usize] = self.importance(index as usize, from);
+        }
+        (weights, weights[..self.all.len()].iter().sum())
     }
 
     fn choose_of_few(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
@@ -167,15 +190,4 @@ fn pick(weights: impl Iterator<Item = (usize, f32)>, mut rest: f32) -> Option<(u
         }
     }
     chosen
-}
-
-/// Probability of the tree beside the lights at infinity, from the weights of both.
-fn tree_share(tree: f32, beside: f32) -> f32 {
-    if tree > 0.0 && beside > 0.0 {
-        (tree / (tree + beside)).clamp(Lights::LEAST_SHARE, 1.0 - Lights::LEAST_SHARE)
-    } else if tree > 0.0 {
-        1.0
-    } else {
-        0.0
-    }
 }

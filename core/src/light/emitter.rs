@@ -5,6 +5,7 @@ use super::Receiver;
 use crate::math::Aabb;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
+use wide::f32x8;
 
 /// Where emitters are and how they shine: in full within a cone around the axis, then falling with the cosine of the
 /// angle beyond it. Angles in radians.
@@ -47,7 +48,7 @@ impl Emitter {
 
     /// How much it spoils the choice to know no more than this picture: brightness times spread of directions (the
     /// solid angle, weighed by the falloff) times squared size. The size is that of the ball around the box, which is
-    /// what [`Ball::importance`] looks at; a surface area would be 0 for points in a row.
+    /// what [`Balls::importance`] looks at; a surface area would be 0 for points in a row.
     pub(super) fn cost(&self) -> f64 {
         let (full, reach) = (self.full, (self.full + self.fade).min(PI));
         let (sin, cos) = libm::sincos(full);
@@ -60,6 +61,10 @@ impl Emitter {
 /// The smallest cone (axis and half angle) that holds two.
 fn union_of_cones(a: (DVec3, f64), b: (DVec3, f64)) -> (DVec3, f64) {
     let (a, b) = if a.1 >= b.1 { (a, b) } else { (b, a) };
+    // What is common needs no trigonometry: all directions, and lights that face the same way.
+    if a.1 >= PI || a.0 == b.0 {
+        return a;
+    }
     let between = libm::atan2(a.0.cross(b.0).length(), a.0.dot(b.0));
     if between + b.1 <= a.1 {
         return a;
@@ -73,72 +78,98 @@ fn union_of_cones(a: (DVec3, f64), b: (DVec3, f64)) -> (DVec3, f64) {
     ((a.0 * cos + sideways * sin).normalize(), half)
 }
 
-/// An emitter made ready to be weighed: its ball instead of its box, sines and cosines instead of angles.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Ball {
-    center: Vec3,
-    radius2: f32,
-    axis: Vec3,
-    intensity: f32,
-    /// Cosine and sine of the full cone.
-    full: [f32; 2],
-    /// Cosine of the angle beyond it from which on there is no light.
-    cos_fade: f32,
+/// Eight emitters made ready to be weighed together: their balls instead of their boxes, sines and cosines instead of
+/// angles. Lanes without an emitter weigh nothing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Balls {
+    center: [f32x8; 3],
+    radius2: f32x8,
+    axis: [f32x8; 3],
+    intensity: f32x8,
+    cos_full: f32x8,
+    sin_full: f32x8,
+    /// Cosine of the angle beyond the full cone from which on there is no light.
+    cos_fade: f32x8,
 }
 
-impl Ball {
+impl Balls {
     /// Widens cones by a few roundings, so that no light falls out of one.
     const SLACK: f64 = 1e-6;
 
-    pub(super) fn new(emitter: &Emitter) -> Self {
-        let (sin, cos) = libm::sincos((emitter.full + Self::SLACK).min(PI));
-        let cos_fade = if emitter.fade < FRAC_PI_2 { libm::cos(emitter.fade + Self::SLACK) } else { 0.0 };
+    /// Of at most eight emitters.
+    pub(super) fn new(emitters: &[Option<Emitter>]) -> Self {
+        let lanes = |value: &dyn Fn(&Emitter) -> f32| {
+            f32x8::from(std::array::from_fn(|i| emitters.get(i).and_then(Option::as_ref).map_or(0.0, value)))
+        };
+        let full = |e: &Emitter| (e.full + Self::SLACK).min(PI);
+        let fade = |e: &Emitter| {
+            if e.fade < FRAC_PI_2 { libm::cos(e.fade + Self::SLACK).max(0.0) as f32 } else { 0.0 }
+        };
         Self {
-            center: emitter.bounds.center(),
-            radius2: emitter.bounds.size().length_squared() * (0.25 + f32::EPSILON),
-            axis: emitter.axis.as_vec3(),
-            intensity: emitter.intensity as f32,
-            full: [cos as f32, sin as f32],
-            cos_fade: cos_fade.max(0.0) as f32,
+            center: [0, 1, 2].map(|axis| lanes(&|e| e.bounds.center()[axis])),
+            radius2: lanes(&|e| e.bounds.size().length_squared() * (0.25 + f32::EPSILON)),
+            axis: [0, 1, 2].map(|axis| lanes(&|e| e.axis[axis] as f32)),
+            intensity: lanes(&|e| e.intensity as f32),
+            cos_full: lanes(&|e| libm::cos(full(e)) as f32),
+            sin_full: lanes(&|e| libm::sin(full(e)) as f32),
+            cos_fade: lanes(&fade),
         }
     }
 
-    /// Roughly the irradiance that it brings, unoccluded: intensity times both cosines over squared distance, of the
+    /// Roughly the irradiance that each brings, unoccluded: intensity times both cosines over squared distance, of the
     /// most favourable place in the ball; 0 only where it brings nothing. The squared distance is at least that of
     /// the ball's radius and `nearest2`.
+    ///
+    /// Second, how coarse a guess that is for more than one light: the squared part of the distance that the ball's
+    /// radius is, 1 from within.
     #[inline]
-    pub(super) fn importance(&self, from: &Receiver, nearest2: f32) -> f32 {
-        let towards = self.center - from.p;
-        let d2 = towards.length_squared();
-        let far = self.intensity / d2.max(self.radius2).max(nearest2);
-        if d2 <= self.radius2 {
-            return far;
-        }
-        let inverse = 1.0 / d2.sqrt();
+    pub(super) fn importance(&self, from: &Receiver, nearest2: f32) -> ([f32; 8], [f32; 8]) {
+        let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
+        let towards = [0, 1, 2].map(|axis| self.center[axis] - f32x8::splat(from.p[axis]));
+        let d2 = dot(towards, towards);
+        let inverse = one / d2.sqrt();
         let sin2 = self.radius2 / d2;
-        let ball = [(1.0 - sin2).max(0.0).sqrt(), sin2.sqrt()];
-        let off_axis = less_angle(angle(-towards.dot(self.axis) * inverse), self.full);
-        let out = less_angle(off_axis, ball)[0];
-        if out < self.cos_fade || out <= 0.0 {
-            return 0.0;
-        }
+        let ball = (root(one - sin2), sin2.sqrt());
+        let (off_axis, off_axis_sin) =
+            less_angle(angle(-dot(towards, self.axis) * inverse), (self.cos_full, self.sin_full));
+        let out = less_angle((off_axis, off_axis_sin), ball).0;
+        let out = (out.simd_ge(self.cos_fade) & out.simd_gt(zero)).select(out, zero);
         let received = if from.n == Vec3::ZERO {
-            1.0
+            one
         } else {
-            less_angle(angle(towards.dot(from.n) * inverse), ball)[0].max(0.0)
+            let normal = from.n.to_array().map(f32x8::splat);
+            less_angle(angle(dot(towards, normal) * inverse), ball).0.max(zero)
         };
-        far * out * received
+        let cosines = d2.simd_gt(self.radius2).select(out * received, one);
+        let far2 = d2.max(self.radius2).max(f32x8::splat(nearest2));
+        let weight = self.intensity / far2 * cosines;
+        // NaN and infinity fail the comparison.
+        let weight = weight.simd_lt(f32x8::splat(f32::INFINITY)).select(weight, zero);
+        (weight.to_array(), (self.radius2 / far2).to_array())
     }
 }
 
-/// Cosine and sine of the angle with a cosine.
 #[inline]
-fn angle(cos: f32) -> [f32; 2] {
-    [cos, (1.0 - cos * cos).max(0.0).sqrt()]
+fn dot(a: [f32x8; 3], b: [f32x8; 3]) -> f32x8 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Square root; 0 of what rounding has made negative.
+#[inline]
+fn root(x: f32x8) -> f32x8 {
+    x.max(f32x8::splat(0.0)).sqrt()
+}
+
+/// Cosine and sine of the angles with some cosines.
+#[inline]
+fn angle(cos: f32x8) -> (f32x8, f32x8) {
+    (cos, root(f32x8::splat(1.0) - cos * cos))
 }
 
 /// Cosine and sine of max(0, a − b), for angles from 0 to π given by cosine and sine.
 #[inline]
-fn less_angle(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
-    if a[0] >= b[0] { [1.0, 0.0] } else { [a[0] * b[0] + a[1] * b[1], a[1] * b[0] - a[0] * b[1]] }
+fn less_angle(a: (f32x8, f32x8), b: (f32x8, f32x8)) -> (f32x8, f32x8) {
+    let within = a.0.simd_ge(b.0);
+    let cos = within.select(f32x8::splat(1.0), a.0 * b.0 + a.1 * b.1);
+    (cos, within.select(f32x8::splat(0.0), a.1 * b.0 - a.0 * b.1))
 }

@@ -168,7 +168,16 @@ struct Tally {
 
 impl Tally {
     fn new(cells: usize) -> Self {
-        Self { counts: vec![0; cells], scattered: 0, single: 0, sum: 0.0, squares: 0.0, largest: 0.0, inconsistent: 0, broken: 0 }
+        Self {
+            counts: vec![0; cells],
+            scattered: 0,
+            single: 0,
+            sum: 0.0,
+            squares: 0.0,
+            largest: 0.0,
+            inconsistent: 0,
+            broken: 0,
+        }
     }
 
     fn add(&mut self, of: &dyn Scatterer, wo: Vec3, sample: Option<BsdfSample>, partition: &Partition) {

