@@ -43,6 +43,8 @@ pub(crate) enum Command {
     Render(RenderArgs),
     /// Check a scene document and its files; print what is wrong, or what it holds.
     Check(CheckArgs),
+    /// Make a karst document of a scene of another renderer.
+    Convert(ConvertArgs),
     /// Compare two EXR pictures.
     Compare(CompareArgs),
     /// Submit a scene to a server.
@@ -172,7 +174,7 @@ pub(crate) enum DenoiseArg {
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
-    /// Scene document.
+    /// Scene: a karst document, or what `karst convert` reads.
     pub(crate) scene: PathBuf,
     /// Where to write the picture: OUT.exr or OUT.png; give it twice for both. With --denoise the EXR gets a
     /// layer `Denoised`, and beside OUT.png comes OUT-denoised.png. With --frames the frame number goes before
@@ -199,8 +201,33 @@ pub(crate) struct RenderArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct CheckArgs {
-    /// Scene document.
+    /// Scene: a karst document, or what `karst convert` reads.
     pub(crate) scene: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Reads Mitsuba scenes (.xml, versions 3 and 0.6).
+
+What the document cannot say is listed on stderr with file and line: `not translated` for what the picture lacks,
+`differs` for what looks somewhat different.
+
+Files that the document names stay where they are if they lie in its folder or below; others are copied to meshes/ and
+textures/ there, and so are meshes that are made for shapes such as cubes. A file that is there with other contents is
+not overwritten: the command ends before it writes anything, unless --force is given. The document is written last, and
+nobody sees a part of a file under its name.")]
+pub(crate) struct ConvertArgs {
+    /// Scene of another renderer.
+    pub(crate) input: PathBuf,
+    /// Where to write the document; its folder is made.
+    #[arg(short, long = "output", value_name = "SCENE.json")]
+    pub(crate) output: PathBuf,
+    /// Fail, and write nothing, if anything is not translated.
+    #[arg(long)]
+    pub(crate) strict: bool,
+    /// Overwrite files that are there with other contents.
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -247,7 +274,7 @@ pub(crate) struct CompareArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct SubmitArgs {
-    /// Scene document.
+    /// Scene: a karst document, or what `karst convert` reads.
     pub(crate) scene: PathBuf,
     /// Wait until the job is finished, with a progress bar.
     #[arg(long)]

@@ -30,7 +30,7 @@ pub use client::Client;
 pub use download::Download;
 pub use error::Error;
 pub use karst_proto::connect::Bearer;
-pub use scene_files::{SceneFiles, read_document, read_scene, scene_error, scene_folder};
+pub use scene_files::{OpenScene, SceneFiles, open_scene, read_scene, scene_error};
 pub use upload::Uploaded;
 pub use watch::{Update, is_final};
 

@@ -8,8 +8,10 @@ use std::process::{Command, Output};
 use karst_core::encode::{Layers, write_exr};
 use serde_json::{Value, json};
 
-const COMMANDS: [&str; 11] =
-    ["render", "check", "compare", "submit", "watch", "view", "page", "fetch", "jobs", "cancel", "slurm"];
+const COMMANDS: [&str; 12] = [
+    "render", "check", "convert", "compare", "submit", "watch", "view", "page", "fetch", "jobs", "cancel",
+    "slurm",
+];
 
 fn karst(line: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_karst"))

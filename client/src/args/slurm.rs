@@ -31,7 +31,7 @@ pub(crate) enum SlurmCommand {
 /// A scene, the folder of its frames, and how they are rendered.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct ShotArgs {
-    /// Scene document.
+    /// Scene: a karst document, or what `karst convert` reads.
     pub(crate) scene: PathBuf,
     /// Folder for the frames: DIR/NAME.0001.exr with the name of the scene, beside each a note of what it was made
     /// from.

@@ -1,18 +1,18 @@
 //! `karst check`: everything that a render would find wrong, without rendering.
 
-use karst_client::{Error, read_document, scene_error, scene_folder};
-use karst_core::scene::{AlbedoPeak, Assets, Document, Folder, Limits, Problems, Scene};
+use karst_client::{Error, OpenScene, open_scene, scene_error};
+use karst_core::scene::{AlbedoPeak, Assets, Limits, Problems, Scene};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 use crate::args::CheckArgs;
+use crate::commands::convert::{notes_json, say_notes};
 use crate::talk::Talk;
 
 pub(super) fn run(args: &CheckArgs, talk: Talk) -> Result<(), Error> {
-    let text = read_document(&args.scene, &Limits::default())?;
-    let root = scene_folder(&args.scene);
-    let folder = Folder::new(root).map_err(|source| Error::file(root, source))?;
-    match check(args, &text, &folder) {
+    let scene = open_scene(&args.scene, &Limits::default())?;
+    say_notes(&scene, talk);
+    match check(args, &scene) {
         Ok(found) => {
             talk.result(&found.text, &found.json);
             Ok(())
@@ -30,10 +30,10 @@ struct Found {
     json: Value,
 }
 
-fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problems> {
+fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
     let limits = Limits::default();
-    let document = Document::parse(text, &args.scene.display().to_string(), &limits)?;
-    let assets = Assets::load(&document, folder, &limits)?;
+    let document = source.document(&limits)?;
+    let assets = Assets::load(&document, source, &limits)?;
     let frames = document.frames();
     let description = document.at(frames.first)?;
     let scene = Scene::build(&description, &assets, frames.first)?;
@@ -64,6 +64,7 @@ fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problem
     let albedo = |peak: &AlbedoPeak| json!({"material": names[peak.material], "albedo": peak.albedo, "angle": peak.angle});
     let json = json!({
         "valid": true,
+        "notes": notes_json(source.notes()),
         "width": size.width,
         "height": size.height,
         "first_frame": frames.first,

@@ -3,6 +3,7 @@
 mod cancel;
 mod check;
 mod compare;
+mod convert;
 mod fetch;
 mod follow;
 mod jobs;
@@ -26,6 +27,7 @@ pub(crate) fn run(command: Command, talk: Talk) -> Result<(), Error> {
     match command {
         Command::Render(args) => render::run(&args, talk),
         Command::Check(args) => check::run(&args, talk),
+        Command::Convert(args) => convert::run(&args, talk),
         Command::Compare(args) => compare::run(&args, talk),
         Command::Submit(args) => block_on(submit::run(args, talk)),
         Command::Watch(args) => block_on(watch::run(args, talk)),

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use karst_client::{Error, read_document, scene_error, scene_folder};
+use karst_client::{Error, OpenScene, open_scene, scene_error};
 use karst_core::film::{Film, FrameSummary};
 use karst_core::render::{FrameObserver, Progress, render_frame};
-use karst_core::scene::{Assets, Document, Folder, Goal, Limits, Scene};
+use karst_core::scene::{Assets, Document, Goal, Limits, Scene};
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 
 use crate::args::{FrameList, RenderArgs};
 use crate::clock::Stopwatch;
+use crate::commands::convert::say_notes;
 use crate::commands::pictures::Pictures;
 use crate::naming::of_frame;
 use crate::progress::{Bar, Shown, percent};
@@ -25,20 +26,22 @@ const DEFAULT_TILE_SIZE: u32 = 32;
 type Tell<'a> = &'a (dyn Fn(&Report, &[PathBuf]) + Sync);
 
 pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Error> {
-    render_each(args, &|report, files| tell(talk, report, files)).map(drop)
+    check_outputs(&args.output)?;
+    let scene = open_scene(&args.scene, &Limits::default())?;
+    say_notes(&scene, talk);
+    render_each(args, &scene, &|report, files| tell(talk, report, files)).map(drop)
 }
 
 /// Renders and writes what the arguments ask for; `tell` hears of each frame.
-pub(super) fn render_each(args: &RenderArgs, tell: Tell<'_>) -> Result<Vec<Report>, Error> {
-    check_outputs(&args.output)?;
+pub(super) fn render_each(
+    args: &RenderArgs,
+    scene: &OpenScene,
+    tell: Tell<'_>,
+) -> Result<Vec<Report>, Error> {
     let limits = Limits::default();
-    let text = read_document(&args.scene, &limits)?;
-    let origin = args.scene.display().to_string();
-    let document = Document::parse(&text, &origin, &limits).map_err(|problems| scene_error(&problems))?;
+    let document = scene.document(&limits).map_err(|problems| scene_error(&problems))?;
     let frames = chosen_frames(args, &document)?;
-    let root = scene_folder(&args.scene);
-    let folder = Folder::new(root).map_err(|source| Error::file(root, source))?;
-    let assets = Assets::load(&document, &folder, &limits).map_err(|problems| scene_error(&problems))?;
+    let assets = Assets::load(&document, scene, &limits).map_err(|problems| scene_error(&problems))?;
     let job = Job { args, tell, document, assets, limits, pool: pool(args.threads)?, bar: Bar::new() };
     let reports = job.render_all(frames)?;
     if let Some(path) = &args.report {

@@ -3,7 +3,8 @@
 use std::pin::pin;
 
 use futures::StreamExt;
-use karst_client::{Client, Error, SceneFiles, read_scene};
+use karst_client::{Client, Error, SceneFiles, open_scene};
+use karst_core::scene::Limits;
 use karst_proto::convert::settings_to_wire;
 use karst_proto::v1::{
     Denoise, FrameRange, Job, JobSpec, Scene, SceneFile, StreamTilesRequest, SubmitJobRequest,
@@ -12,13 +13,16 @@ use serde_json::json;
 
 use crate::args::{DenoiseArg, FrameList, SubmitArgs};
 use crate::clock::Stopwatch;
+use crate::commands::convert::say_notes;
 use crate::commands::fetch::{Wanted, download_frames};
 use crate::commands::follow::{follow, outcome};
 use crate::talk::Talk;
 use crate::wire_json::job_json;
 
 pub(super) async fn run(args: SubmitArgs, talk: Talk) -> Result<(), Error> {
-    let scene = read_scene(&args.scene)?;
+    let scene = open_scene(&args.scene, &Limits::default())?;
+    say_notes(&scene, talk);
+    let scene = scene.hashed()?;
     let client = args.server.connect().await?;
     let uploaded = client
         .upload(&scene.blobs(), |blob| {

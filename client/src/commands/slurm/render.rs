@@ -6,7 +6,8 @@ use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
-use karst_client::{Blob, Error};
+use karst_client::{Blob, Error, open_scene};
+use karst_core::scene::Limits;
 use serde_json::json;
 use tempfile::{NamedTempFile, TempDir};
 
@@ -37,7 +38,8 @@ pub(super) fn run(args: &TaskArgs, talk: Talk) -> Result<(), Error> {
         settings: args.shot.settings.clone(),
         work: args.shot.work.clone(),
     };
-    let reports = render_each(&render, &|_, _| {})?;
+    let scene = open_scene(&render.scene, &Limits::default())?;
+    let reports = render_each(&render, &scene, &|_, _| {})?;
     let kept = keep(&shot, &args.shot, frame, scratch.path())?;
     for report in &reports {
         tell(talk, report, &kept);

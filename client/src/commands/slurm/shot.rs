@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use karst_client::{Blob, Error, SceneFiles, read_document, read_scene, scene_error};
+use karst_client::{Blob, Error, SceneFiles, open_scene, scene_error};
 use karst_core::scene::{Description, Document, FrameRange, Goal, Limits};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -49,10 +49,9 @@ impl Shot {
     /// The scene or one of its files cannot be read or is wrong; settings that do not fit it.
     pub(super) fn open(args: &ShotArgs) -> Result<Self, Error> {
         let limits = Limits::default();
-        let files = read_scene(&args.scene)?;
-        let text = read_document(&args.scene, &limits)?;
-        let document = Document::parse(&text, &args.scene.display().to_string(), &limits)
-            .map_err(|problems| scene_error(&problems))?;
+        let scene = open_scene(&args.scene, &limits)?;
+        let files = scene.hashed()?;
+        let document = scene.document(&limits).map_err(|problems| scene_error(&problems))?;
         let range = document.frames();
         let mut description = document.at(range.first).map_err(|problems| scene_error(&problems))?;
         let overrides = args.settings.overrides();
