@@ -57,5 +57,5 @@ fn line_of(line: u32) -> String {
 }
 
 fn hint_of(hint: Option<&str>) -> String {
-    hint.map(|hint| format!("\nhint: {hint}")).unwrap_or_default()
+    hint.map(|hint| format!("\n  hint: {hint}")).unwrap_or_default()
 }

@@ -7,23 +7,84 @@ mod error;
 mod gltf;
 mod mitsuba;
 mod note;
+mod ply;
+mod text;
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 
+use karst_core::scene::{AssetSource, Limits};
+use serde_json::Value;
+
 pub use error::ConvertError;
-use karst_core::scene::Limits;
 pub use note::{Note, NoteKind};
 
 /// A scene of another renderer as a karst document.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Converted {
     /// The document, in the order of the scene it was made from.
-    pub document: serde_json::Value,
+    pub document: Value,
     /// The files that the document names, by path relative to it.
     pub assets: BTreeMap<String, Asset>,
     /// What was left out or looks different, in the order of the scene.
     pub notes: Vec<Note>,
+}
+
+impl Converted {
+    /// The document as text that people can read, with a line break at its end.
+    pub fn text(&self) -> String {
+        text::write(&self.document)
+    }
+
+    /// Calls assets by other paths, in the document too; `path` gives the new path of an asset, or keeps it.
+    pub fn rename_assets(&mut self, path: impl Fn(&str, &Asset) -> Option<String>) {
+        let mut renamed = BTreeMap::new();
+        let mut assets = BTreeMap::new();
+        for (old, asset) in std::mem::take(&mut self.assets) {
+            let new = path(&old, &asset).unwrap_or_else(|| old.clone());
+            assets.insert(new.clone(), asset);
+            renamed.insert(old, new);
+        }
+        self.assets = assets;
+        rename(&mut self.document, &renamed);
+    }
+}
+
+impl AssetSource for Converted {
+    fn len(&self, path: &str) -> Result<u64, io::Error> {
+        match self.assets.get(path) {
+            Some(Asset::File(file)) => Ok(std::fs::metadata(file)?.len()),
+            Some(Asset::Bytes(bytes)) => Ok(bytes.len() as u64),
+            None => Err(io::ErrorKind::NotFound.into()),
+        }
+    }
+
+    fn read(&self, path: &str) -> Result<Vec<u8>, io::Error> {
+        match self.assets.get(path) {
+            Some(Asset::File(file)) => std::fs::read(file),
+            Some(Asset::Bytes(bytes)) => Ok(bytes.clone()),
+            None => Err(io::ErrorKind::NotFound.into()),
+        }
+    }
+}
+
+/// Renames the files that a document names.
+fn rename(value: &mut Value, renamed: &BTreeMap<String, String>) {
+    match value {
+        Value::Object(members) => {
+            for (name, member) in members.iter_mut() {
+                let file = matches!(name.as_str(), "file" | "image");
+                let new = member.as_str().filter(|_| file).and_then(|old| renamed.get(old));
+                match new {
+                    Some(new) => *member = Value::from(new.as_str()),
+                    None => rename(member, renamed),
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| rename(item, renamed)),
+        Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => {}
+    }
 }
 
 /// Where the bytes of an asset are.
