@@ -134,7 +134,10 @@ fn a_brighter_picture_is_measured() {
     assert!((number("mean_rel_diff") - 0.1).abs() < 1e-6);
     assert!(std::fs::read(&files.diff).unwrap().starts_with(b"\x89PNG"));
     let tile = &found["worst_tiles"][0];
-    assert_eq!((&tile["x"], &tile["y"], &tile["width"], &tile["height"]), (&0.into(), &0.into(), &4.into(), &2.into()));
+    assert_eq!(
+        (&tile["x"], &tile["y"], &tile["width"], &tile["height"]),
+        (&0.into(), &0.into(), &4.into(), &2.into())
+    );
     assert!((tile["rel_mse"].as_f64().unwrap() - 0.01 / 1.01).abs() < 1e-7);
     // Above white both look the same; two stops darker they do not, and differ by 0.025 of 0.25.
     assert_eq!(number("flip_mean"), 0.0);
@@ -165,7 +168,9 @@ fn what_noise_alone_would_make_of_it_comes_from_the_files() {
     assert!((ratio - 0.01 / 1.01 / 0.004).abs() < 1e-4, "{ratio}");
     let table = karst(&["compare", &files.a, &files.b]);
     let table = String::from_utf8(table.stdout).unwrap();
-    for line in ["rel_mse_ratio         2.47", "flip_mean             ", "worst tile            9.9", "  4x2 at 0,0"] {
+    for line in
+        ["rel_mse_ratio         2.47", "flip_mean             ", "worst tile            9.9", "  4x2 at 0,0"]
+    {
         assert!(table.contains(line), "{line:?} is not in\n{table}");
     }
 }

@@ -52,7 +52,10 @@ fn check(args: &CheckArgs, text: &str, folder: &Folder) -> Result<Found, Problem
     for peak in &peaks {
         let name = names[peak.material];
         let (share, angle) = (peak.albedo, peak.angle);
-        let _ = write!(text, "\nmaterial {name:?}: reflects at most {share:.3} of white light, at {angle:.0} degrees");
+        let _ = write!(
+            text,
+            "\nmaterial {name:?}: reflects at most {share:.3} of white light, at {angle:.0} degrees"
+        );
         // Of estimates to half a percent.
         if share > 1.005 {
             text += "; it gains energy, which \"energy_conserving\": true prevents";
