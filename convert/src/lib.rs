@@ -14,11 +14,10 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use karst_core::scene::AssetSource;
+use karst_core::scene::{AssetSource, Limits};
 use serde_json::Value;
 
 pub use error::ConvertError;
-use karst_core::scene::Limits;
 pub use note::{Note, NoteKind};
 
 /// A scene of another renderer as a karst document.

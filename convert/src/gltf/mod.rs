@@ -84,7 +84,7 @@ pub(super) fn read(
         output.differs(
             "materials",
             "metallic and roughness become principled_bsdf, whose diffuse part changes with the roughness and is \
-             not dimmed below the highlight",
+             not dimmed below the highlight; the back of what is not double-sided is black instead of open",
         );
     }
     if output.lights.is_empty() && !shines {
