@@ -36,10 +36,10 @@ impl Compiler<'_> {
     fn material(&mut self, material: &doc::Material) -> Material {
         let doc::Relief { opacity, bump, bump_scale, normal_map } = &material.relief;
         let is_null = matches!(material.model, doc::Model::Null {});
-        let opacity = match opacity {
-            _ if is_null => Some(Number::Constant(0.0)),
-            NumberTexture::Constant(1.0) => None,
-            opacity => Some(self.number(opacity)),
+        let opacity = if is_null {
+            Some(Number::Constant(0.0))
+        } else {
+            (*opacity != NumberTexture::Constant(1.0)).then(|| self.number(opacity))
         };
         let (model, two_sided) = self.model(&material.model);
         Material {
@@ -157,7 +157,14 @@ impl Compiler<'_> {
                 textures.lobes = Some(Lobes { sheen: 1.0, ..none });
                 *two_sided
             }
-            whole => return self.principled(whole),
+            doc::Model::Principled { .. } => return self.principled(model),
+            doc::Model::Diffuse { .. }
+            | doc::Model::Mirror { .. }
+            | doc::Model::Dielectric { .. }
+            | doc::Model::ThinDielectric { .. }
+            | doc::Model::Conductor { .. }
+            | doc::Model::Plastic { .. }
+            | doc::Model::Null {} => return self.model(model),
         };
         (Model::Principled(Box::new(textures)), two_sided)
     }

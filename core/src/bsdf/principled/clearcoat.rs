@@ -25,13 +25,13 @@ impl Clearcoat {
         Self { alpha2, scale: (alpha2 - 1.0) / (PI * ln(alpha2)) }
     }
 
-    fn density(&self, h: Vec3) -> f32 {
+    fn density(self, h: Vec3) -> f32 {
         // 1 + (α² − 1) cos² without its cancellation near the peak.
         self.scale / (h.x * h.x + h.y * h.y + self.alpha2 * h.z * h.z)
     }
 
     /// Value and density of `wi`; both directions outside, `h` between them.
-    pub(super) fn eval(&self, wo: Vec3, wi: Vec3, h: Vec3) -> (f32, f32) {
+    pub(super) fn eval(self, wo: Vec3, wi: Vec3, h: Vec3) -> (f32, f32) {
         let cos_h = h.dot(wi).abs();
         let fresnel = 0.04 + 0.96 * grazing(cos_h);
         let masking = Microfacets::new(Distribution::Ggx, Vec2::splat(MASKING));
@@ -42,7 +42,7 @@ impl Clearcoat {
     }
 
     /// Chooses a facet in proportion to their density times cosine.
-    pub(super) fn sample(&self, u: Vec2) -> Vec3 {
+    pub(super) fn sample(self, u: Vec2) -> Vec3 {
         let sin2 = ((powf(self.alpha2, 1.0 - u.x) - self.alpha2) / (1.0 - self.alpha2)).clamp(0.0, 1.0);
         let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
         let sin = sin2.sqrt();

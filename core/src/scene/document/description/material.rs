@@ -1,7 +1,7 @@
 //! Owns materials: how surfaces scatter light.
 
 use glam::Vec3;
-use serde_json::{Map, Value as Json};
+use serde_json::Value as Json;
 
 use super::texture::{ColorTexture, NumberTexture};
 use crate::bsdf::Distribution;
@@ -36,10 +36,8 @@ impl Decode for Material {
     }
 
     fn show(&self) -> Json {
-        let mut fields = match self.model.show() {
-            Json::Object(fields) => fields,
-            _ => Map::new(),
-        };
+        let model = self.model.show();
+        let mut fields = model.as_object().cloned().unwrap_or_default();
         self.relief.show_fields(&mut fields);
         Json::Object(fields)
     }
