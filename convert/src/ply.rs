@@ -25,9 +25,9 @@ pub(crate) fn write(mesh: &Triangles) -> Vec<u8> {
     if uvs {
         columns.extend(["u", "v"]);
     }
-    let columns: String = columns.iter().map(|column| format!("property float {column}\n")).collect();
+    let columns = columns.join("\nproperty float ");
     let header = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n{columns}element face {}\n\
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float {columns}\nelement face {}\n\
          property list uchar uint vertex_indices\nend_header\n",
         mesh.positions.len(),
         mesh.corners.len()

@@ -19,15 +19,13 @@ fn put(out: &mut String, value: &Value, indent: usize) {
     let line = on_one_line(value);
     let used = out.len() - out.rfind('\n').map_or(0, |at| at + 1);
     let flat = indent > 0 && used + line.len() <= WIDTH;
-    match value {
-        Value::Object(members) if !flat && !members.is_empty() => {
-            let lines = members.iter().map(|(name, member)| (format!("{}: ", quoted(name)), member));
-            block(out, ['{', '}'], lines, indent);
-        }
-        Value::Array(items) if !flat && !items.is_empty() => {
-            block(out, ['[', ']'], items.iter().map(|item| (String::new(), item)), indent);
-        }
-        _ => out.push_str(&line),
+    if let (false, Some(members)) = (flat, value.as_object().filter(|members| !members.is_empty())) {
+        let lines = members.iter().map(|(name, member)| (format!("{}: ", quoted(name)), member));
+        block(out, ['{', '}'], lines, indent);
+    } else if let (false, Some(items)) = (flat, value.as_array().filter(|items| !items.is_empty())) {
+        block(out, ['[', ']'], items.iter().map(|item| (String::new(), item)), indent);
+    } else {
+        out.push_str(&line);
     }
 }
 

@@ -203,11 +203,8 @@ fn slice<'a>(
     let length = count.saturating_sub(1).saturating_mul(stride).saturating_add(size);
     let end = if count == 0 { offset } else { offset.saturating_add(length) };
     let found = usize::try_from(end).ok().and_then(|end| bytes.get(offset as usize..end));
-    match found {
-        Some(found) => Ok((found, stride as usize)),
-        None => {
-            let has = bytes.len();
-            Err(reader.error(place, format!("ends at byte {end}, buffer view {view} has {has}")))
-        }
-    }
+    found.map(|found| (found, stride as usize)).ok_or_else(|| {
+        let has = bytes.len();
+        reader.error(place, format!("ends at byte {end}, buffer view {view} has {has}"))
+    })
 }

@@ -60,7 +60,7 @@ fn word(bytes: &[u8]) -> Option<(u32, &[u8])> {
 
 /// Reads the JSON; it may have `max_objects` objects, so that its size in memory is bounded before it is taken.
 pub(super) fn read_json(json: &[u8], file: &str, max_objects: u64) -> Result<Root, ConvertError> {
-    let objects = json.iter().filter(|&&byte| byte == b'{').count() as u64;
+    let objects = json.split(|&byte| byte == b'{').count() as u64 - 1;
     if objects > max_objects {
         let message = format!("found {objects} JSON objects, the limit is {max_objects}");
         return Err(ConvertError::scene(file, 0, message));

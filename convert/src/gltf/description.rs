@@ -3,6 +3,9 @@
 //! Only what becomes part of a document or of a note is here; `extras` and the like are passed over. Extensions
 //! that are not read are kept by name, so that they can be noted.
 
+#![expect(clippy::zero_sized_map_values, reason = "of what is not read, only the names are kept")]
+#![expect(clippy::struct_field_names, reason = "fields have the names of the format")]
+
 use std::collections::BTreeMap;
 
 use serde::Deserialize;

@@ -45,11 +45,13 @@ pub(super) fn light(
             "type": "sun", "direction": direction.to_array(), "irradiance": color, "angular_size": 0,
         }),
         "point" => json!({"type": "point", "position": position.to_array(), "intensity": color}),
-        "spot" => spot(reader, output, light, &here, json!(position.to_array()), json!(direction.to_array()))
-            .map(|mut spot| {
-                spot["intensity"] = json!(color);
-                spot
-            })?,
+        "spot" => {
+            spot(reader, output, light, &here, &json!(position.to_array()), &json!(direction.to_array()))
+                .map(|mut spot| {
+                    spot["intensity"] = json!(color);
+                    spot
+                })?
+        }
         other => {
             let message = format!("found the type {other:.20?}, expected directional, point or spot");
             return Err(reader.error(here, message));
@@ -67,8 +69,8 @@ fn spot(
     output: &mut Output<'_>,
     light: &Light,
     place: &str,
-    position: Value,
-    direction: Value,
+    position: &Value,
+    direction: &Value,
 ) -> Result<Value, ConvertError> {
     let angles = light.spot.as_ref();
     let inner = angles.and_then(|spot| spot.inner_cone_angle).unwrap_or(0.0).to_degrees();

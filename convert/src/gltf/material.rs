@@ -186,14 +186,16 @@ impl Surface<'_, '_> {
         let opacity = match mode {
             "OPAQUE" => return Ok(()),
             "BLEND" => self.share("alphaMode", factor, map, "alpha")?,
-            "MASK" => match self.share("alphaMode", factor, map, "alpha")? {
-                Value::Number(_) => json!(if factor >= cutoff { 1.0 } else { 0.0 }),
-                found => {
+            "MASK" => {
+                let found = self.share("alphaMode", factor, map, "alpha")?;
+                if found.is_number() {
+                    json!(if factor >= cutoff { 1.0 } else { 0.0 })
+                } else {
                     let text = format!("the alpha of a mask is taken as it is, not cut at {cutoff}");
                     self.differs("alphaMode", &text);
                     found
                 }
-            },
+            }
             other => {
                 let message = format!("found {other:.20?}, expected OPAQUE, MASK or BLEND");
                 return Err(self.reader.error(format!("{}.alphaMode", self.place), message));

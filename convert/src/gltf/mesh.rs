@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use karst_core::mesh::Mesh;
 use serde_json::json;
 
@@ -195,9 +195,8 @@ impl Made<'_> {
         let position = DVec3::from(positions.get(vertex)).as_vec3();
         let normal = normals.as_ref().map(|normals| DVec3::from(normals.get(vertex)).as_vec3());
         let uv = uvs.as_ref().map(|uvs| DVec2::from(uvs.get(vertex)).as_vec2());
-        let finite = position.is_finite()
-            && normal.is_none_or(|normal| normal.is_finite())
-            && uv.is_none_or(|uv| uv.is_finite());
+        let finite =
+            position.is_finite() && normal.is_none_or(Vec3::is_finite) && uv.is_none_or(Vec2::is_finite);
         if !finite {
             let found = [
                 Some(format!("position {position}")),

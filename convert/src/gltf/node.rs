@@ -125,13 +125,12 @@ impl<'a, 'b, 'c> Walk<'a, 'b, 'c> {
         for (number, primitive) in described.primitives.iter().enumerate() {
             let look = self.look(primitive.material, mesh, number)?;
             let found = self.shapes.get(&(mesh, number)).cloned();
-            let found = match found {
-                Some(found) => found,
-                None => {
-                    let found = shape(self.reader, self.output, mesh, number, look.set)?;
-                    self.shapes.insert((mesh, number), found.clone());
-                    found
-                }
+            let found = if let Some(found) = found {
+                found
+            } else {
+                let found = shape(self.reader, self.output, mesh, number, look.set)?;
+                self.shapes.insert((mesh, number), found.clone());
+                found
             };
             if let Some(found) = found {
                 self.place(&found, &look, node, world, place)?;

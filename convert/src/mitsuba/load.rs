@@ -115,7 +115,7 @@ impl Loader {
         let bytes = std::fs::read(path).map_err(failed)?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-            let line = before.iter().filter(|byte| **byte == b'\n').count() as u32 + 1;
+            let line = before.split(|&byte| byte == b'\n').count() as u32;
             ConvertError::scene(&*name, line, "found bytes that are not UTF-8").with_hint("save it as UTF-8")
         })?;
         self.files.push(Rc::clone(&name));

@@ -1,5 +1,6 @@
 //! Owns what a scene is converted to: tables of named things, asset files, notes.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -116,8 +117,8 @@ impl<'a> Output<'a> {
                 return name;
             }
             let next = format!("{name} {count}");
-            if !self.names.contains_key(&(table, next.clone())) {
-                self.names.insert((table, next.clone()), 1);
+            if let Entry::Vacant(free) = self.names.entry((table, next.clone())) {
+                free.insert(1);
                 return next;
             }
         }
@@ -165,7 +166,8 @@ impl<'a> Output<'a> {
             1 => format!("{folder}/{stem}.{ending}"),
             number => format!("{folder}/{stem}-{number}.{ending}"),
         };
-        let path = (1..).map(numbered).find(|path| !self.assets.contains_key(path)).unwrap_or_default();
+        let path =
+            (1..=u32::MAX).map(numbered).find(|path| !self.assets.contains_key(path)).unwrap_or_default();
         self.assets.insert(path.clone(), asset);
         path
     }

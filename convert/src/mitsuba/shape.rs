@@ -106,7 +106,7 @@ fn instance(
     object: &Object,
     (name, mesh): (String, String),
     map: &DAffine3,
-    look: Look,
+    look: &Look,
 ) -> Result<(), ConvertError> {
     let mut fields = Map::new();
     fields.insert("mesh".to_owned(), json!(mesh));
@@ -115,7 +115,7 @@ fn instance(
     if *map != DAffine3::IDENTITY {
         fields.insert("transform".to_owned(), transform);
     }
-    shine(&mut fields, &look);
+    shine(&mut fields, look);
     out.add(Table::Instances, name, fields);
     Ok(())
 }
@@ -178,7 +178,7 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
         out.meshes.insert(key, mesh.clone());
         mesh
     };
-    instance(out, object, (name, mesh), &affine(to_world), look)
+    instance(out, object, (name, mesh), &affine(to_world), &look)
 }
 
 /// A shape that becomes a mesh of its own, shared by all of its kind.
@@ -207,7 +207,7 @@ fn made(
         out.meshes.insert(key, mesh.clone());
         mesh
     };
-    instance(out, object, (name, mesh), &map, look)
+    instance(out, object, (name, mesh), &map, &look)
 }
 
 fn sphere(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), ConvertError> {

@@ -20,7 +20,7 @@ pub(super) struct Element {
     pub(super) tag: String,
     pub(super) place: Place,
     pub(super) attributes: Attributes,
-    pub(super) children: Vec<Element>,
+    pub(super) children: Vec<Self>,
 }
 
 /// The attributes of an element: names and values, in their order.
@@ -138,7 +138,7 @@ impl Lines<'_> {
     fn of(&mut self, offset: u64) -> u32 {
         let offset = (offset as usize).min(self.bytes.len());
         if offset > self.at {
-            self.line += self.bytes[self.at..offset].iter().filter(|byte| **byte == b'\n').count() as u32;
+            self.line += self.bytes[self.at..offset].split(|byte| *byte == b'\n').count() as u32 - 1;
             self.at = offset;
         }
         self.line

@@ -33,7 +33,8 @@ fn peak(material: usize, model: &Model) -> Option<AlbedoPeak> {
     let at = |step: u32| (step as f32 + 0.5) / steps as f32;
     let points = (0..steps * steps).map(|i| Vec2::new(at(i % steps), at(i / steps)));
     let bsdfs: Vec<_> = points.map(|uv| model.at(uv)).collect();
-    let peaks = bsdfs.iter().filter_map(|bsdf| if let Bsdf::Principled(p) = bsdf.as_ref() { Some(p) } else { None });
+    let peaks =
+        bsdfs.iter().filter_map(|bsdf| if let Bsdf::Principled(p) = bsdf.as_ref() { Some(p) } else { None });
     peaks
         .flat_map(|p| COSINES.map(|cos| (p.greatest_albedo(cos).max_element(), cos)))
         .reduce(|best, next| if next.0 > best.0 { next } else { best })

@@ -66,7 +66,12 @@ fn every_kind_of_thing_is_read() {
     let SdfNode::Union { children } = &object.tree else { panic!("{:?}", object.tree) };
     assert_eq!(children.index_of("b"), Some(1));
     assert_eq!(children.get("b"), Some(&SdfNode::Mandelbulb { power: 8.0, iterations: 12, bailout: 4.0 }));
-    let sky = Light::Environment { radiance: Vec3::ONE, image: None, rows_at_poles: false, transform: DAffine3::IDENTITY };
+    let sky = Light::Environment {
+        radiance: Vec3::ONE,
+        image: None,
+        rows_at_poles: false,
+        transform: DAffine3::IDENTITY,
+    };
     assert_eq!(scene.lights.get("sky"), Some(&sky));
 }
 
