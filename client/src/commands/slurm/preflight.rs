@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use karst_client::Error;
+use karst_client::{Error, open_scene};
 use karst_core::film::Region;
-use karst_core::scene::Goal;
+use karst_core::scene::{Goal, Limits};
 use karst_denoise::Denoiser;
 use serde_json::json;
 use tempfile::TempDir;
@@ -42,7 +42,8 @@ pub(super) fn check(args: &PreflightArgs, shot: &Shot, chosen: FrameList, talk: 
     let film = &shot.description.film;
     let small = (film.width.div_ceil(SMALLER), film.height.div_ceil(SMALLER));
     let trial = trial(args, chosen.first, small, folder.path());
-    let reports = render_each(&trial, &|_, _| {})?;
+    let scene = open_scene(&trial.scene, &Limits::default())?;
+    let reports = render_each(&trial, &scene, &|_, _| {})?;
     let frames = chosen.iter().count();
     for report in &reports {
         let estimate = Estimate::of(shot, report);

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use karst_client::{Blob, Error, SceneFiles, open_scene, scene_error};
-use karst_core::scene::{Description, Document, FrameRange, Goal, Limits};
+use karst_core::scene::{Description, FrameRange, Goal, Limits};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
