@@ -1,5 +1,6 @@
 //! Scenes that others made: each is converted with nothing left out but fog, and the core takes the document.
 #![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
+#![expect(clippy::print_stdout, reason = "a test that is skipped says why")]
 
 use std::path::{Path, PathBuf};
 
