@@ -207,7 +207,7 @@ fn buffers_that_are_missing_are_told() {
 #[test]
 fn extensions_without_which_there_is_no_shape_are_refused() {
     let file = changed(|file| {
-        file["extensionsRequired"] = json!(["KHR_mesh_quantization", "EXT_meshopt_compression"])
+        file["extensionsRequired"] = json!(["KHR_mesh_quantization", "EXT_meshopt_compression"]);
     });
     assert_eq!(
         error(&file),
@@ -314,7 +314,7 @@ fn damaged_files_never_panic_and_never_hang() {
             drop(convert_gltf(&damaged, "a.glb", &Limits::default()));
         }
     }
-    assert!(start.elapsed() < Duration::from_secs(120));
+    assert!(start.elapsed() < Duration::from_mins(2));
 }
 
 #[expect(clippy::disallowed_methods, reason = "a test for hanging needs a clock; no pixel depends on it")]

@@ -33,7 +33,7 @@ fn ok(gltf: &Value) -> (Converted, Description) {
     }
     assert_eq!(document.assets().len(), converted.assets.len());
     for (path, asset) in &converted.assets {
-        if let (true, Asset::Bytes(bytes)) = (path.ends_with(".ply"), asset) {
+        if let (Some(_), Asset::Bytes(bytes)) = (path.strip_suffix(".ply"), asset) {
             mesh::read(bytes, path, 1 << 20).unwrap_or_else(|error| panic!("{path}: {error}"));
         }
     }

@@ -6,10 +6,8 @@ use serde_json::{Value, json};
 use super::{Parts, differs, error, mesh_of, near, ok, square, untranslated};
 
 fn numbers(value: &Value) -> Vec<f64> {
-    match value {
-        Value::Array(items) => items.iter().flat_map(numbers).collect(),
-        other => vec![other.as_f64().unwrap()],
-    }
+    let Some(items) = value.as_array() else { return vec![value.as_f64().unwrap()] };
+    items.iter().flat_map(numbers).collect()
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Bad scenes: an error that says where and what, no panic, no hang.
 
+use std::fmt::Write as _;
+
 use super::{SENSOR, folder, scene, within};
 
 #[test]
@@ -136,13 +138,16 @@ fn includes_that_include_themselves_end() {
 fn long_chains_of_references_end() {
     let mut text = String::from("<bsdf type='diffuse' id='b0'/>");
     for link in 1..5000 {
-        text += &format!("<bsdf type='twosided' id='b{link}'><ref id='b{}'/></bsdf>", link - 1);
+        let _ = write!(text, "<bsdf type='twosided' id='b{link}'><ref id='b{}'/></bsdf>", link - 1);
     }
     assert!(scene(&text).unwrap_err().contains("nested more than 64 deep"));
     let mut wide = String::from("<bsdf type='diffuse' id='b0'/>");
     for link in 1..60 {
-        wide +=
-            &format!("<bsdf type='twosided' id='b{link}'><ref id='b{0}'/><ref id='b{0}'/></bsdf>", link - 1);
+        let _ = write!(
+            wide,
+            "<bsdf type='twosided' id='b{link}'><ref id='b{0}'/><ref id='b{0}'/></bsdf>",
+            link - 1
+        );
     }
     assert!(scene(&wide).is_ok(), "every object is looked at once");
 }
