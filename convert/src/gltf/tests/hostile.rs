@@ -212,7 +212,7 @@ fn extensions_without_which_there_is_no_shape_are_refused() {
     assert_eq!(
         error(&file),
         "a.gltf: extensionsRequired: found \"EXT_meshopt_compression\", which is not read\n\
-         hint: write the file again without that extension"
+         \x20 hint: write the file again without that extension"
     );
     let file = changed(|file| {
         file["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_draco_mesh_compression": {}});
