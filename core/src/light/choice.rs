@@ -173,7 +173,7 @@ impl Lights {
 
     fn choose_of_few(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
         let (weights, total) = self.importances(from);
-        pick(weights.into_iter().enumerate(), u * total).map(|(i, w)| (i, w / total))
+        pick(weights.into_iter().enumerate().take(self.all.len()), u * total).map(|(i, w)| (i, w / total))
     }
 }
 
