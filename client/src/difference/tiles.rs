@@ -85,7 +85,10 @@ mod tests {
         assert_eq!(found.len(), 5);
         for (found, expected) in found.iter().zip(expected) {
             let figure = (found.rel_mse / expected.rel_mse - 1.0).abs() < 1e-12;
-            assert!(figure && Tile { rel_mse: 0.0, ..*found } == Tile { rel_mse: 0.0, ..expected }, "{found:?}");
+            assert!(
+                figure && Tile { rel_mse: 0.0, ..*found } == Tile { rel_mse: 0.0, ..expected },
+                "{found:?}"
+            );
         }
         assert_eq!(worst_tiles(&reference, &reference, width), []);
     }

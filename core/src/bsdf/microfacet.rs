@@ -170,4 +170,3 @@ impl Half {
         Some(Self { h: h.as_vec3(), length: length as f32 })
     }
 }
-

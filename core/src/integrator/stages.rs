@@ -7,7 +7,7 @@ use crate::film::Counters;
 use crate::light::{LightSample, Target};
 use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
-use crate::scene::{Hit, Scene};
+use crate::scene::{Hit, Scene, Strategy};
 use glam::{Vec2, Vec3};
 
 /// Sends a ray through every sample of every pixel.
@@ -34,7 +34,8 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     for at in 0..paths.active.len() {
         let path = paths.active[at] as usize;
         let hit = scene.intersect(&paths.rays[path], spread, &mut paths.march);
-        paths.hits[path] = if scene.has_holes() { cross(scene, bounce, paths, path, hit, spread) } else { hit };
+        paths.hits[path] =
+            if scene.has_holes() { cross(scene, bounce, paths, path, hit, spread) } else { hit };
     }
 }
 
@@ -54,8 +55,7 @@ fn cross(
         let surface = scene.surface(&ray, &found?, spread);
         let opacity = scene.opacity(&surface);
         let stops = opacity > 0.0
-            && (opacity >= 1.0
-                || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity);
+            && (opacity >= 1.0 || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity);
         if stops {
             return found;
         }
@@ -122,6 +122,11 @@ fn scattered_weight(scene: &Scene, paths: &Paths, path: usize, light: usize, lig
     if pdf.is_infinite() {
         return 1.0;
     }
+    match scene.strategy() {
+        Strategy::Both => {}
+        Strategy::Scattering => return 1.0,
+        Strategy::Lights => return 0.0,
+    }
     power_heuristic(pdf, light_pdf * scene.lights().choice_pdf(&paths.receivers[path], light))
 }
 
@@ -163,14 +168,20 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
     }
     let receiver = vertex.receiver();
     let (light, choice) = scene.lights().choose(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
-    let sample = scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
+    let sample =
+        scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
     let (f, scattered) = vertex.bsdf.scatter(vertex.wo, vertex.to_local(sample.wi)?);
     if f == Vec3::ZERO {
         return None;
     }
     let pdf = sample.pdf * choice;
     // No path finds a light without extent by itself.
-    let weight = if sample.delta { 1.0 } else { power_heuristic(pdf, scattered) };
+    let weight = match scene.strategy() {
+        _ if sample.delta => 1.0,
+        Strategy::Both => power_heuristic(pdf, scattered),
+        Strategy::Scattering => return None,
+        Strategy::Lights => 1.0,
+    };
     Some((shadow_ray(vertex, &sample), f * sample.radiance * (weight / pdf)))
 }
 
@@ -191,7 +202,8 @@ fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
 fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, bounce: u32) -> bool {
     let sampler = paths.samplers[path];
     let lobe = sampler.get_1d(Decision::Lobe(bounce));
-    let Some(sample) = vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce))) else {
+    let Some(sample) = vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce)))
+    else {
         return false;
     };
     let Some(wi) = vertex.to_world(sample.wi) else { return false };

@@ -52,8 +52,7 @@ impl Emitter {
         let (full, reach) = (self.full, (self.full + self.fade).min(PI));
         let (sin, cos) = libm::sincos(full);
         let spread = 2.0 * PI * (1.0 - cos)
-            + FRAC_PI_2
-                * (2.0 * reach * sin - libm::cos(full - 2.0 * reach) - 2.0 * full * sin + cos);
+            + FRAC_PI_2 * (2.0 * reach * sin - libm::cos(full - 2.0 * reach) - 2.0 * full * sin + cos);
         self.intensity * spread * f64::from(self.bounds.size().length_squared())
     }
 }

@@ -34,7 +34,8 @@ impl SphereMap {
     pub(super) fn new(size: [u32; 2], brightness: impl Fn(u32, u32) -> f32) -> Self {
         let step = [0, 1].map(|axis| size[axis].div_ceil(Self::MOST[axis]));
         let [columns, rows] = [0, 1].map(|axis| size[axis].div_ceil(step[axis]) as usize);
-        let edge = |row: usize| libm::cos(f64::from((row as u32 * step[1]).min(size[1])) / f64::from(size[1]) * PI);
+        let edge =
+            |row: usize| libm::cos(f64::from((row as u32 * step[1]).min(size[1])) / f64::from(size[1]) * PI);
         let edges: Vec<f64> = (0..=rows).map(edge).collect();
         let mut map = Self { size, step, rows: vec![0.0; rows], cells: Vec::new(), edges, mean: 0.0 };
         let mut weights = cell_weights(size, step, columns, brightness);
@@ -42,7 +43,9 @@ impl SphereMap {
         let mean = total / (4.0 * PI);
         map.mean = mean as f32;
         let above: Vec<f32> = (0..weights.len())
-            .map(|i| (f64::from(weights[i]) - mean * map.solid_angle(i % columns, i / columns)).max(0.0) as f32)
+            .map(|i| {
+                (f64::from(weights[i]) - mean * map.solid_angle(i % columns, i / columns)).max(0.0) as f32
+            })
             .collect();
         if sum(&above) > Self::EVEN * total {
             weights = above;
@@ -148,7 +151,13 @@ fn accumulate(weights: &mut [f32]) -> f64 {
     let mut so_far = 0.0;
     for (index, weight) in weights.iter_mut().enumerate() {
         so_far += f64::from(*weight);
-        *weight = if index >= last { 1.0 } else if total > 0.0 { (so_far / total) as f32 } else { 0.0 };
+        *weight = if index >= last {
+            1.0
+        } else if total > 0.0 {
+            (so_far / total) as f32
+        } else {
+            0.0
+        };
     }
     total
 }

@@ -19,7 +19,8 @@ pub fn mesh_lights(triangles: &[[Vec3; 3]], radiance: Vec3) -> (Vec<Light>, Vec<
         let Some(light) = TriangleLight::new(triangle, radiance) else { continue };
         if let Some(half) = Half::new(triangle) {
             let other = halves.get(&half.key_of_other()).copied();
-            if let Some((other, rectangle)) = other.and_then(|i| Some((i, half.rectangle(triangles[i], radiance)?)))
+            if let Some((other, rectangle)) =
+                other.and_then(|i| Some((i, half.rectangle(triangles[i], radiance)?)))
             {
                 halves.remove(&half.key_of_other());
                 numbers[index] = numbers[other];

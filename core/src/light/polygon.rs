@@ -110,8 +110,7 @@ fn solid_angles<const N: usize>(corners: &[DVec3; N], triple: f64) -> [f64; N] {
     let mut sums = [0.0; N];
     for k in 1..N - 1 {
         let [a, b, c] = [corners[0], corners[k], corners[k + 1]];
-        let denominator =
-            l[0] * l[k] * l[k + 1] + a.dot(b) * l[k + 1] + b.dot(c) * l[0] + a.dot(c) * l[k];
+        let denominator = l[0] * l[k] * l[k + 1] + a.dot(b) * l[k + 1] + b.dot(c) * l[0] + a.dot(c) * l[k];
         sums[k + 1] = sums[k] + 2.0 * libm::atan2(triple, denominator);
     }
     sums

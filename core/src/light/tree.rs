@@ -1,8 +1,8 @@
 //! Owns the tree over many lights: from the root down, the brighter half as seen from the receiver is likelier
 //! (Conty Estevez and Kulla 2018).
 
-use super::emitter::{Ball, Emitter};
 use super::Receiver;
+use super::emitter::{Ball, Emitter};
 use glam::Vec3;
 
 /// A binary tree over the lights at a finite distance that shine at all.

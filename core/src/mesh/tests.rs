@@ -207,3 +207,60 @@ fn damaged_files_never_panic() {
         }
     }
 }
+
+/// The uv of the third corner of a triangle whose vertices have these two columns besides.
+fn uv_under(names: [&str; 2]) -> Vec<Vec2> {
+    let [u, v] = names;
+    let text = format!(
+        "ply\r\nformat ascii 1.0\r\nobj_info none\r\nelement vertex 3\r\nproperty double x\r\nproperty double y\r\n\
+         property double z\r\nproperty float {u}\r\nproperty float {v}\r\nelement face 1\r\n\
+         property list uint8 int32 vertex_index\r\nend_header\r\n0 0 0 0 0\r\n1 0 0 0 0\r\n0 1 0 0.25 -2.5e-1\r\n\
+         3 0 1 2\r\n"
+    );
+    ok(text.as_bytes(), "a.ply").uvs
+}
+
+#[test]
+fn ply_texture_coordinates_have_many_names() {
+    for names in [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]] {
+        assert_eq!(uv_under(names), [Vec2::ZERO, Vec2::ZERO, Vec2::new(0.25, -0.25)], "{names:?}");
+    }
+    assert!(uv_under(["u", "w"]).is_empty());
+}
+
+#[test]
+fn ply_polygons_become_fans() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 3\nproperty list uchar int vertex_indices\nproperty list uchar float rest\nend_header\n";
+    let rows = "0 0 0 2 0 0 3 1 0 1 2 0 -1 1 0\n5 0 1 2 3 4 0\n4 0 1 2 3 2 0.5 0.5\n3 4 0 1 1 9\n";
+    let mesh = ok((header.to_owned() + rows).as_bytes(), "a.ply");
+    assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 2, 3], [4, 0, 1]]);
+}
+
+#[test]
+fn ply_strips_are_refused_instead_of_lost() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+                element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n3 0 0 0\n";
+    assert_eq!(error(text, "a.ply"), "header: found triangle strips, expected the element face");
+}
+
+#[test]
+fn what_is_written_is_what_is_read() {
+    let mut mesh = square();
+    mesh.positions[2] = Vec3::new(f32::MIN_POSITIVE, 3.3e38, -0.0);
+    for (normals, uvs) in [(true, true), (true, false), (false, true), (false, false)] {
+        let mut mesh = mesh.clone();
+        if !normals {
+            mesh.normals.clear();
+        }
+        if !uvs {
+            mesh.uvs.clear();
+        }
+        let bytes = mesh.to_ply();
+        assert_eq!(bytes.len(), bytes.capacity());
+        assert_eq!(ok(&bytes, "a.ply"), mesh);
+    }
+    // What not every vertex has is not written, so that no row is short.
+    mesh.uvs.pop();
+    assert!(ok(&mesh.to_ply(), "a.ply").uvs.is_empty());
+}

@@ -1,7 +1,7 @@
 //! Owns compiling: a description and its assets to a scene that rays can ask.
 
 use super::assets::Assets;
-use super::compiled::Scene;
+use super::compiled::{Scene, Strategy};
 use super::document::{self as doc, Description, Problem, Problems};
 use super::material::Material;
 use super::materials;
@@ -67,6 +67,7 @@ impl Scene {
             emitters,
             has_holes,
             stream: Stream::new(description.sampling.seed, frame),
+            strategy: Strategy::default(),
         })
     }
 }

@@ -15,6 +15,19 @@ use crate::sdf::MarchStats;
 use glam::Vec3;
 use std::borrow::Cow;
 
+/// How paths find light: pictures are made by both ways weighed against each other, and each way alone must agree.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Strategy {
+    /// By both, weighed (MIS).
+    #[default]
+    Both,
+    /// By scattering alone, but for lights without extent.
+    Scattering,
+    /// By sampling lights alone, but for what mirrors and cameras see.
+    Lights,
+}
+
 /// One frame of a scene, ready to be rendered.
 #[derive(Debug)]
 pub struct Scene {
@@ -36,9 +49,23 @@ pub struct Scene {
     /// Whether some surface is there in part only, so that rays may have to cross it.
     pub(super) has_holes: bool,
     pub(super) stream: Stream,
+    pub(super) strategy: Strategy,
 }
 
 impl Scene {
+    /// The same scene, its light found in another way.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_strategy(self, strategy: Strategy) -> Self {
+        Self { strategy, ..self }
+    }
+
+    /// How its light is found.
+    #[doc(hidden)]
+    pub fn strategy(&self) -> Strategy {
+        self.strategy
+    }
+
     /// The full frame.
     pub fn size(&self) -> FrameSize {
         self.size

@@ -32,9 +32,18 @@ pub(super) enum Model {
     Diffuse(Color),
     Principled(Box<PrincipledTextures>),
     Dielectric(Box<DielectricTextures>),
-    ThinDielectric { ior: f32, reflectance: Color, transmittance: Color },
+    ThinDielectric {
+        ior: f32,
+        reflectance: Color,
+        transmittance: Color,
+    },
     Conductor(Box<ConductorTextures>),
-    Plastic { diffuse: Color, specular: Color, nonlinear: bool, coat: Arc<Coat> },
+    Plastic {
+        diffuse: Color,
+        specular: Color,
+        nonlinear: bool,
+        coat: Arc<Coat>,
+    },
     Mirror(Color),
 }
 
@@ -222,11 +231,13 @@ impl Model {
                 color(&d.reflectance, uv),
                 color(&d.transmittance, uv),
             )),
-            Self::ThinDielectric { ior, reflectance, transmittance } => Bsdf::ThinDielectric(ThinDielectric {
-                ior: *ior,
-                reflectance: color(reflectance, uv),
-                transmittance: color(transmittance, uv),
-            }),
+            Self::ThinDielectric { ior, reflectance, transmittance } => {
+                Bsdf::ThinDielectric(ThinDielectric {
+                    ior: *ior,
+                    reflectance: color(reflectance, uv),
+                    transmittance: color(transmittance, uv),
+                })
+            }
             Self::Conductor(c) => Bsdf::Conductor(Conductor {
                 index: c.index,
                 reflectance: color(&c.reflectance, uv),

@@ -231,7 +231,9 @@ impl Compiler<'_> {
     fn color(&mut self, color: &ColorTexture) -> Color {
         match color {
             ColorTexture::Constant(c) => Color::Constant(*c),
-            ColorTexture::Texture(texture) => Color::Texture(Arc::new(self.texture(texture, ColorSpace::Srgb))),
+            ColorTexture::Texture(texture) => {
+                Color::Texture(Arc::new(self.texture(texture, ColorSpace::Srgb)))
+            }
         }
     }
 

@@ -228,11 +228,8 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, flat: bool, hit: &Hit) -> Su
 fn mesh_tangents(mesh: &Mesh, transform: &Transform, hit: &Hit) -> Option<[Vec3; 2]> {
     let corners = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
     let [p0, p1, p2] = corners.map(|i| mesh.positions[i]);
-    let [u0, u1, u2] = if mesh.uvs.is_empty() {
-        [Vec2::ZERO, Vec2::X, Vec2::Y]
-    } else {
-        corners.map(|i| mesh.uvs[i])
-    };
+    let [u0, u1, u2] =
+        if mesh.uvs.is_empty() { [Vec2::ZERO, Vec2::X, Vec2::Y] } else { corners.map(|i| mesh.uvs[i]) };
     let (e1, e2, d1, d2) = (p1 - p0, p2 - p0, u1 - u0, u2 - u0);
     let determinant = d1.perp_dot(d2);
     let du = (e1 * d2.y - e2 * d1.y) / determinant;
@@ -255,6 +252,10 @@ fn sphere_tangents(p: Vec3) -> [Vec3; 2] {
     let around = p.xz().length();
     let du = Vec3::new(-p.z, 0.0, p.x) * TAU;
     // At the poles u goes nowhere, and any frame will do.
-    let dv = if around > 0.0 { Vec3::new(-p.x * p.y / around, around, -p.z * p.y / around) * PI } else { Vec3::ZERO };
+    let dv = if around > 0.0 {
+        Vec3::new(-p.x * p.y / around, around, -p.z * p.y / around) * PI
+    } else {
+        Vec3::ZERO
+    };
     [du, dv]
 }

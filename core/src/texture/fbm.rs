@@ -231,10 +231,12 @@ mod tests {
     #[test]
     fn bits_are_those_of_every_machine() {
         let fbm = Fbm { octaves: 8, gain: 0.6, lacunarity: 2.3, frequency: 3.7, ..fbm(8) };
-        let hash = places().step_by(13).flat_map(|place| fbm.color(place).to_array()).fold(
-            0xcbf2_9ce4_8422_2325_u64,
-            |hash, value| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3),
-        );
+        let hash = places()
+            .step_by(13)
+            .flat_map(|place| fbm.color(place).to_array())
+            .fold(0xcbf2_9ce4_8422_2325_u64, |hash, value| {
+                (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3)
+            });
         assert_eq!(format!("{hash:016x}"), "0");
     }
 }

@@ -185,9 +185,13 @@ mod tests {
         check(&repeat, 0.9375, 0.25, 72.5);
         for wrap in [Wrap::Mirror, Wrap::Clamp] {
             let texture = rows(wrap, TextureFilter::Bilinear);
-            for (u, v, expected) in
-                [(0.0, 0.25, 50.0), (1.0, 0.25, 80.0), (0.125, 0.0, 50.0), (0.125, 1.0, 10.0), (0.9375, 0.25, 80.0)]
-            {
+            for (u, v, expected) in [
+                (0.0, 0.25, 50.0),
+                (1.0, 0.25, 80.0),
+                (0.125, 0.0, 50.0),
+                (0.125, 1.0, 10.0),
+                (0.9375, 0.25, 80.0),
+            ] {
                 check(&texture, u, v, expected);
             }
         }
@@ -241,7 +245,8 @@ mod tests {
     #[test]
     fn alpha_is_mixed_like_a_colour() {
         let image = ImageBuffer::<image::LumaA<u16>, _>::from_vec(2, 1, vec![9, 0, 9, 65535]).unwrap();
-        let texture = ImageTexture { channel: Channel::Alpha, color_space: ColorSpace::Srgb, ..texture(image) };
+        let texture =
+            ImageTexture { channel: Channel::Alpha, color_space: ColorSpace::Srgb, ..texture(image) };
         assert_eq!(texture.number(Vec2::new(0.375, 0.5)), 0.25);
     }
 }

@@ -161,7 +161,8 @@ impl Number {
 #[cfg(test)]
 mod tests {
     use super::{
-        Channel, Checkerboard, Color, ColorSpace, Fbm, Image, ImageTexture, Number, Texture, TextureFilter, Wrap,
+        Channel, Checkerboard, Color, ColorSpace, Fbm, Image, ImageTexture, Number, Texture, TextureFilter,
+        Wrap,
     };
     use glam::{Affine2, Vec2, Vec3};
     use std::io::Cursor;
@@ -175,7 +176,8 @@ mod tests {
         file.write_to(&mut png, image::ImageFormat::Png).unwrap();
         let image = Arc::new(Image::read(&png.into_inner(), 15).unwrap());
         let colors = [Vec3::new(0.25, 0.5, 0.75), Vec3::new(0.75, 0.5, 0.25)];
-        let fbm = Fbm { colors, octaves: 16, gain: 1.0, lacunarity: 16.0, frequency: 1.0e6, seed: 7, transform };
+        let fbm =
+            Fbm { colors, octaves: 16, gain: 1.0, lacunarity: 16.0, frequency: 1.0e6, seed: 7, transform };
         let mut all = vec![Texture::Checkerboard(Checkerboard { colors, transform }), Texture::Fbm(fbm)];
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             for filter in [TextureFilter::Bilinear, TextureFilter::Nearest] {

@@ -183,7 +183,8 @@ impl Principled {
         } else if choice.glass > 0.0 {
             from_glass = true;
             if let Some(straight) = self.glass.straight(wo) {
-                let weight = straight.weight * (self.lobes.glass / choice.glass) * self.factor(wo, straight.wi);
+                let weight =
+                    straight.weight * (self.lobes.glass / choice.glass) * self.factor(wo, straight.wi);
                 return Some(BsdfSample { weight, ..straight });
             }
             self.glass.sample(wo, (rest / choice.glass).clamp(0.0, 1.0), u)?
@@ -255,7 +256,12 @@ impl Principled {
         }
         let lobes = &self.lobes;
         if wo.z < 0.0 {
-            return (lobes.glass > 0.0).then_some(Choice { cosine: 0.0, metal: 0.0, clearcoat: 0.0, glass: 1.0 });
+            return (lobes.glass > 0.0).then_some(Choice {
+                cosine: 0.0,
+                metal: 0.0,
+                clearcoat: 0.0,
+                glass: 1.0,
+            });
         }
         // Sheen brings at most some tenth of its factor, and has no lobe of its own.
         let cosine = lobes.diffuse * luminance(self.diffuse.base) + 0.1 * lobes.sheen;

@@ -119,8 +119,7 @@ fn a_thousand_lights_by_the_tree_bring_the_sum_of_them() {
         let found = chosen.map(|(i, pdf)| each[i] / f64::from(pdf)).sum::<f64>() / f64::from(n);
         assert!((found / want - 1.0).abs() < 0.01, "{p}: {found}, expected {want}");
         // And light that is never chosen is light that is not there.
-        let missed: f64 =
-            (0..each.len()).filter(|&i| all.choice_pdf(&from, i) == 0.0).map(|i| each[i]).sum();
+        let missed: f64 = (0..each.len()).filter(|&i| all.choice_pdf(&from, i) == 0.0).map(|i| each[i]).sum();
         assert!(missed <= 1e-6 * want, "{p}: {missed} of {want}");
     }
 }

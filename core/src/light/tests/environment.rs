@@ -169,9 +169,8 @@ fn irradiance_equals_quadrature_even_with_a_texel_that_outshines_all() {
     let to_world = DMat3::from_rotation_y(2.0);
     for (bright, samples) in [(1.0, 1 << 12), (32.0, 1 << 12), (1e6, 1 << 12)] {
         let all = lights(lively(bright), to_world);
-        let want: f64 = grid(480)
-            .map(|(d, angle)| f64::from(luminance(seen(&all, d).0) * d.z.max(0.0)) * angle)
-            .sum();
+        let want: f64 =
+            grid(480).map(|(d, angle)| f64::from(luminance(seen(&all, d).0) * d.z.max(0.0)) * angle).sum();
         let found = irradiance(&all, samples);
         assert!(want > 0.5 && (found / want - 1.0).abs() < 0.005, "{bright}: {found}, expected {want}");
     }

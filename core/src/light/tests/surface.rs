@@ -1,8 +1,6 @@
 //! Spheres, triangles and rectangles: their densities and where their samples lie.
 
-use super::{
-    facing_up, points, rectangle, sampled, scattered, solid_angle, triangle, vector_irradiance,
-};
+use super::{facing_up, points, rectangle, sampled, scattered, solid_angle, triangle, vector_irradiance};
 use crate::light::{Light, Lights, RectangleLight, SphereLight, Target, mesh_lights};
 use crate::math::Aabb;
 use glam::{DVec3, Vec3};
@@ -13,8 +11,12 @@ fn sphere(center: Vec3, radius: f32) -> Light {
 }
 
 /// A square of half size 1 in the plane z = 0 that shines towards +z.
-const SQUARE: [Vec3; 4] =
-    [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(-1.0, 1.0, 0.0)];
+const SQUARE: [Vec3; 4] = [
+    Vec3::new(-1.0, -1.0, 0.0),
+    Vec3::new(1.0, -1.0, 0.0),
+    Vec3::new(1.0, 1.0, 0.0),
+    Vec3::new(-1.0, 1.0, 0.0),
+];
 
 /// Its halves, itself, and their corners.
 fn flat_lights() -> Vec<(Light, Vec<Vec3>)> {
@@ -127,14 +129,14 @@ fn weights_are_bounded_wherever_the_receiver_is() {
     let mut lights = flat_lights();
     lights.push((sphere(Vec3::Z, 1.0), Vec::new()));
     let hostile = [
-        Vec3::ZERO,                         // in the plane, on the light; touching the sphere
-        Vec3::new(5.0, 0.0, 0.0),           // in the plane, beside the light
-        Vec3::new(1.0, 1.0, 0.0),           // at a corner
+        Vec3::ZERO,               // in the plane, on the light; touching the sphere
+        Vec3::new(5.0, 0.0, 0.0), // in the plane, beside the light
+        Vec3::new(1.0, 1.0, 0.0), // at a corner
         Vec3::new(1.0, 1.0, 1e-4),
-        Vec3::new(1.0, 0.5, 1e-7),          // above an edge
+        Vec3::new(1.0, 0.5, 1e-7), // above an edge
         Vec3::new(0.0, 0.0, f32::MIN_POSITIVE),
-        Vec3::new(0.0, 0.0, 1.0),           // inside the sphere, at its centre
-        Vec3::new(0.0, 0.0, -1.0),          // behind
+        Vec3::new(0.0, 0.0, 1.0),  // inside the sphere, at its centre
+        Vec3::new(0.0, 0.0, -1.0), // behind
         Vec3::new(0.0, 0.0, -1e-4),
         Vec3::new(1e15, 0.0, 1e15),
         Vec3::new(0.0, 0.0, 1e18),

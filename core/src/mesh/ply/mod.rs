@@ -1,7 +1,8 @@
-//! Owns reading PLY: ascii, binary little endian and binary big endian.
+//! Owns PLY: reading ascii, binary little endian and binary big endian, and writing.
 
 mod body;
 mod header;
+mod write;
 
 use glam::{Vec2, Vec3};
 
@@ -20,6 +21,10 @@ pub(super) fn read(bytes: &[u8], max_triangles: u64) -> Result<Mesh, MeshError> 
         match element.name.as_str() {
             "vertex" => read_vertices(&mut mesh, element, &mut body)?,
             "face" => read_faces(&mut mesh, element, &mut body, max_triangles)?,
+            // Skipped, it would be a mesh without triangles, and nobody would know why.
+            "tristrips" if element.count > 0 => {
+                return Err(MeshError::new("header", "found triangle strips, expected the element face"));
+            }
             _ => skip(element, &mut body)?,
         }
     }

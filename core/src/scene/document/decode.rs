@@ -174,11 +174,8 @@ pub(super) fn elements<'a>(at: &Cursor<'a>, length: usize, expected: &str) -> Op
 /// Numbers of a list of that length, each in the range; every wrong one is reported.
 fn numbers<T: Decode, const N: usize>(at: &Cursor<'_>, allowed: &Allowed, expected: &str) -> Option<[T; N]> {
     let found = elements(at, N, expected)?;
-    let decoded: Vec<Option<T>> = found
-        .iter()
-        .enumerate()
-        .map(|(index, node)| T::decode(&at.element(index, node), allowed))
-        .collect();
+    let decoded: Vec<Option<T>> =
+        found.iter().enumerate().map(|(index, node)| T::decode(&at.element(index, node), allowed)).collect();
     decoded.into_iter().collect::<Option<Vec<T>>>()?.try_into().ok()
 }
 

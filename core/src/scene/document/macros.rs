@@ -179,6 +179,7 @@ macro_rules! variants {
                         }
                     )+
                 }
+                fields.retain(|_, value| !value.is_null());
                 serde_json::Value::Object(fields)
             }
         }

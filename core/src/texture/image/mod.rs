@@ -23,7 +23,9 @@ pub enum ImageError {
     #[error("not an EXR image that can be read: {0}")]
     Exr(#[from] exr::error::Error),
     /// An EXR file without colours.
-    #[error("found channels {found}; expected R, G and B, or Y, or one channel, in flat pixels, not subsampled")]
+    #[error(
+        "found channels {found}; expected R, G and B, or Y, or one channel, in flat pixels, not subsampled"
+    )]
     Channels {
         /// Names of the channels of all parts.
         found: String,

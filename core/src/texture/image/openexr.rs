@@ -115,8 +115,11 @@ impl Choice {
                         values.set(position, [r, g, b, a]);
                     },
                 );
-            let file: ExrFile<Layer<SpecificChannels<Values<S>, _>>> =
-                reader.first_valid_layer().all_attributes().non_parallel().from_buffered(Cursor::new(bytes))?;
+            let file: ExrFile<Layer<SpecificChannels<Values<S>, _>>> = reader
+                .first_valid_layer()
+                .all_attributes()
+                .non_parallel()
+                .from_buffered(Cursor::new(bytes))?;
             return Ok(file.layer_data.channel_data.pixels);
         }
         let reader = part.required(self.names[0].clone()).optional("A", one).collect_pixels(

@@ -62,7 +62,8 @@ fn colors(kind: fn(&[f32]) -> FlatSamples) -> Vec<u8> {
 
 /// Exact in halves too; more than 1, and less than 0.
 const VALUES: [f32; 18] = [
-    0.0, 1.0, 1.5, 1000.0, 65504.0, -2.0, 0.25, 0.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 1.0e-3_f32,
+    0.0, 1.0, 1.5, 1000.0, 65504.0, -2.0, 0.25, 0.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0,
+    1.0e-3_f32,
 ];
 
 #[test]
@@ -106,8 +107,10 @@ fn jpeg_files_are_read() {
 
 #[test]
 fn the_srgb_curve_is_the_standards() {
-    let near = |found: Vec3, expected: f32| assert!((found - expected).abs().max_element() < 1.0e-6, "{found}");
-    let grey = Image::read(&png(ImageBuffer::<Luma<u8>, _>::from_vec(2, 1, vec![188, 10]).unwrap()), 2).unwrap();
+    let near =
+        |found: Vec3, expected: f32| assert!((found - expected).abs().max_element() < 1.0e-6, "{found}");
+    let grey =
+        Image::read(&png(ImageBuffer::<Luma<u8>, _>::from_vec(2, 1, vec![188, 10]).unwrap()), 2).unwrap();
     // ((188/255 + 0.055) / 1.055)^2.4, and 10/255/12.92 on the straight part.
     near(grey.texel(0, 0, Srgb), 0.502_886_5);
     near(grey.texel(1, 0, Srgb), 0.003_035_27);
@@ -118,7 +121,8 @@ fn the_srgb_curve_is_the_standards() {
     near(deep.texel(1, 0, Linear), 1000.0 / 65535.0);
     near(deep.texel(1, 0, Srgb), 1000.0 / 65535.0 / 12.92);
     // On floating-point values the curve goes on.
-    let float = Image::read(&exr((2, 1), &[("Y", floats(&[2.0, -0.5]))], plain(Compression::RLE)), 2).unwrap();
+    let float =
+        Image::read(&exr((2, 1), &[("Y", floats(&[2.0, -0.5]))], plain(Compression::RLE)), 2).unwrap();
     assert!((float.texel(0, 0, Srgb).x - 4.953_847).abs() < 1.0e-5, "{}", float.texel(0, 0, Srgb));
     near(float.texel(1, 0, Srgb), -0.5 / 12.92);
 }
@@ -146,7 +150,8 @@ fn exr_channels_are_found_by_name_and_the_others_left_alone() {
     };
     let [a, b, c, d] = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [0.25, 0.5]];
     let noise = ("Albedo.R", floats(&[f32::NAN, f32::NAN]));
-    let image = read(&[("A", halves(&d)), ("B", floats(&c)), ("G", halves(&b)), noise, ("R", halves(&a))]).unwrap();
+    let image =
+        read(&[("A", halves(&d)), ("B", floats(&c)), ("G", halves(&b)), noise, ("R", halves(&a))]).unwrap();
     assert_eq!(image.texel(1, 0, Linear), Vec3::new(2.0, 4.0, 6.0));
     assert_eq!((image.alpha(0, 0), image.alpha(1, 0), image.channels), (0.25, 0.5, 4));
     let image = read(&[("A", halves(&d)), ("Y", halves(&b))]).unwrap();
@@ -169,7 +174,11 @@ fn the_first_part_of_an_exr_file_with_colours_is_taken() {
     let parts = [
         layer((2, 2), &depth, plain(Compression::ZIP1)),
         layer((2, 1), &[("Y", halves(&[0.5, 0.75]))], plain(Compression::ZIP1)),
-        layer((2, 1), &[("R", floats(&[1.0; 2])), ("G", floats(&[1.0; 2])), ("B", floats(&[1.0; 2]))], plain(Compression::ZIP1)),
+        layer(
+            (2, 1),
+            &[("R", floats(&[1.0; 2])), ("G", floats(&[1.0; 2])), ("B", floats(&[1.0; 2]))],
+            plain(Compression::ZIP1),
+        ),
     ];
     let mut bytes = Cursor::new(Vec::new());
     let attributes = exr::prelude::ImageAttributes::with_size((2, 2));
@@ -348,7 +357,10 @@ fn damaged_files_give_errors_or_images_but_never_a_panic() {
         for length in 0..bytes.len() {
             // The last bytes of a PNG or JPEG file say only that it ends.
             let read = Image::read(&bytes[..length], LEFT);
-            assert!(read.is_err() || (number < 2 && length + 20 > bytes.len()), "file {number} cut to {length}");
+            assert!(
+                read.is_err() || (number < 2 && length + 20 > bytes.len()),
+                "file {number} cut to {length}"
+            );
         }
         for at in 0..bytes.len() {
             for flip in [0x01, 0x80, 0xff] {

@@ -6,8 +6,8 @@ use super::{frame, parse, scene};
 use crate::color::View;
 use crate::scene::document::decode::Decode;
 use crate::scene::document::{
-    Camera, ColorTexture, Crop, Document, Falloff, Filter, Goal, Integrator, Light, Limits, Model, NumberTexture, Sampling,
-    SdfNode, SdfSettings, Texture,
+    Camera, ColorTexture, Crop, Document, Falloff, Filter, Goal, Integrator, Light, Limits, Model,
+    NumberTexture, Sampling, SdfNode, SdfSettings, Texture,
 };
 use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
 
@@ -80,7 +80,9 @@ fn a_material_has_a_model_and_a_relief() {
     let material = scene.materials.get("p").unwrap();
     assert_eq!(material.relief.opacity, NumberTexture::Constant(0.25));
     assert!(material.relief.bump.is_some() && material.relief.normal_map.is_none());
-    let Model::Principled { roughness: NumberTexture::Texture(texture), eta, two_sided, .. } = &material.model else {
+    let Model::Principled { roughness: NumberTexture::Texture(texture), eta, two_sided, .. } =
+        &material.model
+    else {
         panic!("{:?}", material.model)
     };
     assert_eq!((eta, two_sided), (&NumberTexture::Constant(1.5), &false));

@@ -1,0 +1,116 @@
+//! Owns estimators that must agree: light found by scattering, by sampling lights, by both; with and without roulette.
+
+use super::FAMILY;
+use super::chi2::{limit_of, sidak};
+use super::furnace::material;
+use super::materials::everything;
+use super::oracle::Disney;
+use super::report::table;
+use super::scenes::{Shot, Shown};
+use glam::DVec3;
+use karst_core::scene::Strategy;
+use std::path::Path;
+
+/// A ball of a material on a floor, lit by what `lights` adds.
+fn still(material: &str, lamp: &str, lights: &str) -> String {
+    format!(
+        r#""materials": {{"m": {material}, "gray": {{"type": "diffuse", "reflectance": [0.5, 0.4, 0.3]}}}},
+        "spheres": {{"ball": {{"center": [0, 0, 0], "radius": 1, "material": "m"}},
+        "floor": {{"center": [0, -51, 0], "radius": 50, "material": "gray"}}{lamp}}},
+        "lights": {{{lights}}}"#
+    )
+}
+
+const LAMP: &str = r#", "lamp": {"center": [-2, 3, 2.5], "radius": 0.9, "material": "gray", "emission": [6, 5, 4]}"#;
+const SKY: &str = r#""sky": {"type": "environment", "radiance": [0.5, 0.6, 0.7]}"#;
+const SUN: &str = r#""sun": {"type": "sun", "direction": [1, -2, -1.5], "irradiance": [2, 2, 1.8], "angular_size": 20}"#;
+
+/// Scenes whose light is found in every way with a bearable noise.
+fn scenes() -> Vec<(&'static str, String)> {
+    let brown = Disney { base_color: [0.7, 0.4, 0.2], ..Disney::PLAIN };
+    let metal = material(&Disney { metallic: 1.0, roughness: 0.4, ..brown });
+    let glass = material(&Disney { specular_transmission: 1.0, roughness: 0.5, ..brown });
+    let cloth = material(&Disney { specular_transmission: 1.0, sheen: 1.0, roughness: 0.5, ..brown });
+    let coat = material(&Disney { clearcoat: 1.0, clearcoat_gloss: 0.2, roughness: 0.8, ..brown });
+    let all = format!("{SKY}, {SUN}");
+    vec![
+        ("diffuse, sphere", still(r#"{"type": "diffuse"}"#, LAMP, "")),
+        ("metal, sphere and sky", still(&metal, LAMP, SKY)),
+        ("clearcoat, sun", still(&coat, "", SUN)),
+        ("rough glass, sky and sun", still(&glass, "", &all)),
+        ("sheen on glass, sphere", still(&cloth, LAMP, SKY)),
+        ("everything, all lights", still(&material(&everything()), LAMP, &all)),
+        ("rough plastic, sky", still(r#"{"type": "plastic", "alpha": 0.3}"#, "", SKY)),
+        ("rough conductor, sun", still(r#"{"type": "conductor", "alpha": 0.3}"#, "", SUN)),
+        ("rough dielectric, sphere", still(r#"{"type": "dielectric", "alpha": 0.4}"#, LAMP, "")),
+    ]
+}
+
+fn shot() -> Shot {
+    Shot { side: 24, spp: 512, max_depth: 8, roulette_depth: 64, vfov: 34.0, ..Shot::from(DVec3::new(2.0, 1.5, 4.0)) }
+}
+
+/// Largest distance of two pictures' tiles of 8 × 8 pixels in standard errors, each error from all pixels of both tiles.
+fn farthest_tile(a: &Shown, b: &Shown) -> f64 {
+    let side = a.picture.size.width as usize;
+    let mut farthest: f64 = 0.0;
+    for tile in 0..(side / 8) * (side / 8) {
+        let (x, y) = (tile % (side / 8) * 8, tile / (side / 8) * 8);
+        let pixels = (0..64).map(|i| (y + i / 8) * side + x + i % 8);
+        let (mut difference, mut variance) = (0.0, 0.0);
+        for pixel in pixels {
+            let mean = |s: &Shown| f64::from(s.picture.color[pixel].element_sum()) / 3.0;
+            difference += mean(a) - mean(b);
+            variance += f64::from(a.picture.error[pixel]).powi(2) + f64::from(b.picture.error[pixel]).powi(2);
+        }
+        farthest = farthest.max(difference.abs() / variance.sqrt().max(1e-9));
+    }
+    farthest
+}
+
+#[test]
+fn light_by_scattering_by_sampling_and_by_both_is_the_same() {
+    let scenes = scenes();
+    // Two strategies against both of them, the mean and nine tiles of each.
+    let limit = limit_of(sidak(FAMILY, scenes.len() * 2 * 10));
+    let (mut rows, mut wrong) = (Vec::new(), Vec::new());
+    for (at, (name, body)) in scenes.iter().enumerate() {
+        let by = |strategy, seed| {
+            let shot = Shot { seed, ..shot() };
+            Shown::of(&shot.scene_in(Path::new("."), body).with_strategy(strategy))
+        };
+        let both = by(Strategy::Both, 10 * at as u32);
+        for (strategy, seed) in [(Strategy::Scattering, 1), (Strategy::Lights, 2)] {
+            let alone = by(strategy, 10 * at as u32 + seed);
+            let (apart, tile) = (alone.apart(&both), farthest_tile(&alone, &both));
+            let part = alone.mean / both.mean - 1.0;
+            rows.push(vec![
+                format!("{name}: {strategy:?}"),
+                format!("{:+.2} %", part * 100.0),
+                format!("{:.2} %", alone.error.hypot(both.error) / both.mean * 100.0),
+                format!("{apart:+.1}"),
+                format!("{tile:.1}"),
+            ]);
+            if apart.abs() > limit || tile > limit {
+                wrong.push(format!("{name}, {strategy:?}: {:+.2} %, {apart:+.1} errors, a tile {tile:.1}", part * 100.0));
+            }
+        }
+    }
+    println!("limit {limit:.1} standard errors\n{}", table(&["against both", "mean", "±", "in errors", "farthest tile"], &rows));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn roulette_changes_noise_only() {
+    let scenes = scenes();
+    let limit = limit_of(sidak(FAMILY, scenes.len() * 10));
+    for (at, (name, body)) in scenes.iter().enumerate() {
+        let with = |roulette_depth, seed| Shot { seed, roulette_depth, max_depth: 16, ..shot() }.take(body);
+        let (on, off) = (with(1, 3 * at as u32), with(64, 3 * at as u32 + 1));
+        let (apart, tile) = (on.apart(&off), farthest_tile(&on, &off));
+        println!("{name}: {:+.3} %, {apart:+.1} errors, farthest tile {tile:.1}, limit {limit:.1}", (on.mean / off.mean - 1.0) * 100.0);
+        assert!(apart.abs() < limit && tile < limit, "{name}");
+        let (rays_on, rays_off) = (on.film.summary().counters.rays, off.film.summary().counters.rays);
+        assert!(rays_on < rays_off, "{name}: roulette ended no path: {rays_on} rays against {rays_off}");
+    }
+}

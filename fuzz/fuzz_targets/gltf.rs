@@ -1,0 +1,9 @@
+//! Owns the fuzz target of the reader `gltf`.
+#![no_main]
+
+#[path = "../readers.rs"]
+mod readers;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    readers::read(readers::Format::Gltf, bytes);
+});
