@@ -207,7 +207,7 @@ pub(crate) struct CheckArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Reads Mitsuba scenes (.xml, versions 3 and 0.6).
+Reads Mitsuba scenes (.xml, versions 3 and 0.6) and glTF 2.0 (.gltf, .glb).
 
 What the document cannot say is listed on stderr with file and line: `not translated` for what the picture lacks,
 `differs` for what looks somewhat different.

@@ -10,7 +10,7 @@ mod note;
 mod ply;
 mod text;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -37,16 +37,20 @@ impl Converted {
         text::write(&self.document)
     }
 
-    /// Calls assets by other paths, in the document too; `path` gives the new path of an asset, or keeps it.
+    /// Calls assets by other paths, in the document too. `path` gives the new path of an asset; others keep theirs, with
+    /// a number where a new path is in the way.
     pub fn rename_assets(&mut self, path: impl Fn(&str, &Asset) -> Option<String>) {
-        let mut renamed = BTreeMap::new();
-        let mut assets = BTreeMap::new();
-        for (old, asset) in std::mem::take(&mut self.assets) {
-            let new = path(&old, &asset).unwrap_or_else(|| old.clone());
-            assets.insert(new.clone(), asset);
-            renamed.insert(old, new);
+        let old = std::mem::take(&mut self.assets);
+        let mut renamed: BTreeMap<String, String> =
+            old.iter().filter_map(|(name, asset)| Some((name.clone(), path(name, asset)?))).collect();
+        let mut taken: BTreeSet<String> = renamed.values().cloned().collect();
+        for name in old.keys().filter(|name| !renamed.contains_key(*name)).cloned().collect::<Vec<_>>() {
+            let (stem, ending) = name.rsplit_once('.').unwrap_or((&name, ""));
+            let numbered = (2..).map(|number| format!("{stem}-{number}.{ending}"));
+            let free = std::iter::once(name.clone()).chain(numbered).find(|new| taken.insert(new.clone()));
+            renamed.insert(name.clone(), free.unwrap_or(name));
         }
-        self.assets = assets;
+        self.assets = old.into_iter().map(|(name, asset)| (renamed[&name].clone(), asset)).collect();
         rename(&mut self.document, &renamed);
     }
 }
@@ -127,4 +131,29 @@ pub fn convert_gltf(bytes: &[u8], name: &str, limits: &Limits) -> Result<Convert
 
 fn extension(path: &Path) -> Option<String> {
     Some(path.extension()?.to_str()?.to_ascii_lowercase())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Asset, Converted};
+    use serde_json::json;
+
+    #[test]
+    fn renamed_assets_do_not_meet() {
+        let mut converted = Converted {
+            document: json!({"meshes": {"a": {"file": "m/a.ply"}, "b": {"file": "m/a-2.ply"}}, "lights": {"image": "t.exr"}}),
+            assets: ["m/a.ply", "m/a-2.ply", "t.exr"].map(|name| (name.to_owned(), Asset::Bytes(name.into()))).into(),
+            notes: Vec::new(),
+        };
+        converted.rename_assets(|name, _| match name {
+            "m/a-2.ply" => Some("m/a.ply".to_owned()),
+            "t.exr" => Some("s/t.exr".to_owned()),
+            _ => None,
+        });
+        let meshes = json!({"a": {"file": "m/a-2.ply"}, "b": {"file": "m/a.ply"}});
+        assert_eq!(converted.document, json!({"meshes": meshes, "lights": {"image": "s/t.exr"}}));
+        assert_eq!(converted.assets["m/a.ply"], Asset::Bytes("m/a-2.ply".into()));
+        assert_eq!(converted.assets["m/a-2.ply"], Asset::Bytes("m/a.ply".into()));
+        assert_eq!(converted.assets["s/t.exr"], Asset::Bytes("t.exr".into()));
+    }
 }
