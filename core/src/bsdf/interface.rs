@@ -66,7 +66,8 @@ impl Interface {
             return (Vec3::ZERO, 0.0);
         }
         let facets = &self.facets;
-        let cos = wo.dot(h).abs();
+        // Both cosines are the same but for rounding; near total reflection that would tell the two ways apart.
+        let cos = 0.5 * (wo + wi).dot(h).abs();
         let (f, _) = dielectric(cos, self.eta_from(wo));
         let masked = facets.unmasked(wo) * facets.unmasked(wi);
         let value = f * facets.density(h) * masked / (4.0 * wo.z.abs());

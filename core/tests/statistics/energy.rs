@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const DEGREES: [f64; 6] = [0.0, 30.0, 60.0, 75.0, 85.0, 88.0];
 
-/// Flux by quadrature of the renderer's value: light from the other side without the factor of radiance.
+/// Flux by quadrature of the renderer's value: of the brightest channel, light from the other side without the factor of radiance.
 fn flux(bsdf: &Bsdf, eta: f32, wo: Vec3) -> f64 {
     let mut random = Random::new(11);
     let mut points = suspects(wo, 1 << 11, &mut random);
@@ -23,11 +23,14 @@ fn flux(bsdf: &Bsdf, eta: f32, wo: Vec3) -> f64 {
     }));
     let partition = Partition::new(&points, Grain { cell: points.len(), leaf: 16 });
     let other = f64::from(if wo.z > 0.0 { eta * eta } else { 1.0 / (eta * eta) });
-    let value = |wi: Vec3| {
-        let factor = if wi.z * wo.z < 0.0 { other } else { 1.0 };
-        f64::from(bsdf.eval(wo, wi).max_element()) * factor
+    let of = |channel: usize| -> f64 {
+        let value = |wi: Vec3| {
+            let factor = if wi.z * wo.z < 0.0 { other } else { 1.0 };
+            f64::from(bsdf.eval(wo, wi)[channel]) * factor
+        };
+        partition.integrals(&value, 1.0).iter().sum()
     };
-    partition.integrals(&value, 1.0).iter().sum()
+    of(0).max(of(1)).max(of(2))
 }
 
 /// The published model gains energy where base colours are near 1 or lobes add up: the figures are facts of the model,
@@ -93,7 +96,7 @@ fn conserving_models_gain_nothing() {
         }
         rows.push(vec![name.to_owned(), format!("{before:.4}"), format!("{after:.4}")]);
         gained = gained.max(before);
-        assert!(after < 1.006, "{name}: {after} of the light is sent back");
+        assert!(after < 1.006, "{name}: {after} (published {before}) of the light is sent back");
         assert!(before < 1.0 || after > 0.5 * before.min(1.0), "{name}: conserving takes too much: {after}");
     }
     println!("{}", table(&["greatest share of the light sent back", "published", "conserving"], &rows));

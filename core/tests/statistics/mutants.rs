@@ -215,7 +215,7 @@ fn refractions() -> Vec<Mutant> {
     vec![
         own(Nothing, "right: glass", 45.0, false, false),
         own(Nothing, "right: glass from inside", 125.0, false, false),
-        own(Directions, "refractions that end on the same side kept", 75.0, true, false),
+        own(Directions, "refractions that end on the same side kept", 100.0, true, false),
         own(Directions, "reflection chosen by the surface's Fresnel term", 45.0, false, true),
         Mutant::of("refraction's density without η²", Directions, 45.0, &glass)
             .with_pdf(move |wo, wi| a.pdf(wo, wi) / if wi.z < 0.0 { 2.25 } else { 1.0 }),

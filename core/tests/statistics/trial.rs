@@ -89,6 +89,9 @@ impl Outcome {
     }
 }
 
+/// Share of samples without a density that the quadrature cannot tell from none.
+const BLUR: f64 = 3e-4;
+
 /// Runs `effort` on a sampler seen from `wo`.
 pub(crate) fn run(of: &dyn Scatterer, wo: Vec3, effort: Effort) -> Outcome {
     let mut random = Random::new(effort.seed);
@@ -105,8 +108,9 @@ pub(crate) fn run(of: &dyn Scatterer, wo: Vec3, effort: Effort) -> Outcome {
     // What has no density: absorbed, dropped, or in a lobe of a single direction.
     expected.push((1.0 - mass).max(0.0) * n);
     tally.counts.push(u64::from(effort.samples - tally.scattered));
-    if expected[expected.len() - 1] < 1e-3 * n && tally.counts[tally.counts.len() - 1] == 0 {
-        // Nothing is ever without a density: the quadrature's error must not invent such samples.
+    if expected.last().is_none_or(|e| *e < BLUR * n)
+        && tally.counts.last().is_none_or(|c| *c as f64 <= BLUR * n)
+    {
         expected.pop();
         tally.counts.pop();
     }

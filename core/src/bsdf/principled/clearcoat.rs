@@ -30,9 +30,8 @@ impl Clearcoat {
         self.scale / (h.x * h.x + h.y * h.y + self.alpha2 * h.z * h.z)
     }
 
-    /// Value and density of `wi`; both directions outside, `h` between them.
-    pub(super) fn eval(self, wo: Vec3, wi: Vec3, h: Vec3) -> (f32, f32) {
-        let cos_h = h.dot(wi).abs();
+    /// Value and density of `wi`; both directions outside, `h` between them at an angle of this cosine.
+    pub(super) fn eval(self, wo: Vec3, wi: Vec3, h: Vec3, cos_h: f32) -> (f32, f32) {
         let fresnel = 0.04 + 0.96 * grazing(cos_h);
         let masking = Microfacets::new(Distribution::Ggx, Vec2::splat(MASKING));
         let masked = masking.unmasked(wo) * masking.unmasked(wi);

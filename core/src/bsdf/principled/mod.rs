@@ -228,7 +228,8 @@ impl Principled {
     /// The lobes of the outside alone: all but glass.
     fn reflect_outside(&self, wo: Vec3, wi: Vec3, h: Vec3, choice: &Choice) -> (Vec3, f32) {
         let lobes = &self.lobes;
-        let cos_h = h.dot(wi).abs();
+        // Of either direction, but for rounding: so that light goes both ways alike.
+        let cos_h = 0.5 * (wo + wi).dot(h).abs();
         let mut f = Vec3::ZERO;
         let mut pdf = choice.cosine * hemisphere_cosine_pdf(wi.z);
         if lobes.diffuse > 0.0 {
@@ -238,11 +239,11 @@ impl Principled {
             f += self.sheen.eval(wi, cos_h) * lobes.sheen;
         }
         if lobes.metal > 0.0 {
-            f += self.metal.eval(wo, wi, h) * lobes.metal;
+            f += self.metal.eval(wo, wi, h, cos_h) * lobes.metal;
             pdf += choice.metal * self.metal.facets.reflection_pdf(wo, h);
         }
         if lobes.clearcoat > 0.0 {
-            let (value, density) = self.clearcoat.eval(wo, wi, h);
+            let (value, density) = self.clearcoat.eval(wo, wi, h, cos_h);
             f += Vec3::splat(value * lobes.clearcoat);
             pdf += choice.clearcoat * density;
         }
@@ -268,7 +269,8 @@ impl Principled {
         let cosine = lobes.diffuse * luminance(self.diffuse.base) + sheen;
         // Rough facets reflect at other angles too: on average Schlick's term adds 1/21 to a black metal.
         let spread = self.metal.facets.alpha.max_element().min(1.0) / 21.0;
-        let metal = lobes.metal * luminance(self.metal.c0.lerp(Vec3::ONE, grazing(wo.z).max(spread)));
+        let metal =
+            lobes.metal * luminance(self.metal.c0.lerp(Vec3::ONE, grazing(wo.z).max(spread).max(1.0e-3)));
         let clearcoat = lobes.clearcoat * (0.04 + 0.96 * grazing(wo.z));
         let glass = lobes.glass * self.glass.brightness(wo);
         let sum = cosine + metal + clearcoat + glass;
