@@ -13,7 +13,7 @@ use karst_core::texture::{ColorSpace, Image};
 
 /// What a file is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub(crate) enum Format {
     /// A scene document.
     Document,
     /// A scene of Mitsuba.
@@ -31,7 +31,7 @@ pub enum Format {
 impl Format {
     /// Every format, by the name of its target and of its folder of files.
     #[allow(dead_code, reason = "each target needs one format, the test all of them")]
-    pub const ALL: [(&str, Self); 6] = [
+    pub(crate) const ALL: [(&str, Self); 6] = [
         ("document", Self::Document),
         ("mitsuba", Self::Mitsuba),
         ("obj", Self::Obj),
@@ -58,7 +58,7 @@ fn limits() -> Limits {
 ///
 /// # Panics
 /// When a reader took what it should not have.
-pub fn read(format: Format, bytes: &[u8]) {
+pub(crate) fn read(format: Format, bytes: &[u8]) {
     match format {
         Format::Document => document(bytes),
         Format::Mitsuba => mitsuba(bytes),
