@@ -62,7 +62,13 @@ fn the_oracle_is_that_of_numpy() {
 pub(crate) fn random_set(random: &mut Random, roughness: f32) -> Disney {
     let mut share = || {
         let x = random.unit();
-        if x < 0.25 { 0.0 } else if x > 0.75 { 1.0 } else { 2.0 * x - 0.5 }
+        if x < 0.25 {
+            0.0
+        } else if x > 0.75 {
+            1.0
+        } else {
+            2.0 * x - 0.5
+        }
     };
     let mut set = Disney {
         base_color: [share(), share(), share()],
@@ -135,8 +141,11 @@ fn a_hundred_thousand_random_materials_have_the_value_of_the_oracle() {
         let cells = [0.5, 0.9, 0.99, 0.999, 1.0].map(|share| format!("{:.1e}", quantile(e, share)));
         [vec![name.to_owned(), e.len().to_string()], cells.to_vec()].concat()
     };
-    let rows = [row("roughness 0.05 to 1", &sorted), row("roughness 0.05", &sharp), row("roughness 0.02", &narrow)];
-    println!("relative error of eval() in f32, relative to max(|f|, {FLOOR:.0e}); half of wi from the sampler");
+    let rows =
+        [row("roughness 0.05 to 1", &sorted), row("roughness 0.05", &sharp), row("roughness 0.02", &narrow)];
+    println!(
+        "relative error of eval() in f32, relative to max(|f|, {FLOOR:.0e}); half of wi from the sampler"
+    );
     println!("{}", table(&["", "cases", "p50", "p90", "p99", "p99.9", "worst"], &rows));
     println!("worst: {worst}\nworst at roughness 0.02: {narrow_worst}");
     assert!(quantile(&sorted, 0.999) <= 1e-3, "p99.9 {:.2e}", quantile(&sorted, 0.999));
@@ -154,7 +163,9 @@ fn the_comparison_finds_a_percent() {
         let (wo, wi) = (wo.to_array().map(f64::from), wi.to_array().map(f64::from));
         let right = set.value(wo, wi);
         let size = right.iter().fold(FLOOR, |most, x| most.max(x.abs()));
-        let against = |wrong: Disney| (0..3).map(|c| (wrong.value(wo, wi)[c] - right[c]).abs() / size).fold(0.0, f64::max);
+        let against = |wrong: Disney| {
+            (0..3).map(|c| (wrong.value(wo, wi)[c] - right[c]).abs() / size).fold(0.0, f64::max)
+        };
         brighter.push(against(Disney { clearcoat: 1.01, ..set }));
         flatter.push(against(Disney { roughness: set.roughness * 1.01, ..set }));
     }
@@ -170,7 +181,9 @@ fn the_comparison_finds_a_percent() {
 fn light_goes_both_ways_alike() {
     let mut random = Random::new(31);
     let mut rows = Vec::new();
-    for (name, low, limit) in [("roughness 0.3 to 1", 0.3, 1e-5), ("roughness 0.1 to 0.3", 0.1, f64::INFINITY)] {
+    for (name, low, limit) in
+        [("roughness 0.3 to 1", 0.3, 1e-5), ("roughness 0.1 to 0.3", 0.1, f64::INFINITY)]
+    {
         let (mut same, mut through) = (Vec::new(), Vec::new());
         for case in 0..40_000 {
             let roughness = if low < 0.3 { random.between(low, 0.3) } else { random.between(low, 1.0) };
@@ -206,5 +219,8 @@ fn light_goes_both_ways_alike() {
             assert!(quantile(&errors, 0.99) <= 1e-3, "{name}, {side}: p99 {:.1e}", quantile(&errors, 0.99));
         }
     }
-    println!("relative difference of f / |cos| there and back\n{}", table(&["", "cases", "p50", "p99", "worst"], &rows));
+    println!(
+        "relative difference of f / |cos| there and back\n{}",
+        table(&["", "cases", "p50", "p99", "worst"], &rows)
+    );
 }

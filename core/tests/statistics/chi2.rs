@@ -14,7 +14,8 @@ pub(crate) struct Verdict {
 
 /// Compares counts with expectations, cell by cell. A count where nothing at all is expected is impossible: p = 0.
 pub(crate) fn chi2(observed: &[u64], expected: &[f64]) -> Verdict {
-    let mut cells: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().map(|o| *o as f64)).collect();
+    let mut cells: Vec<(f64, f64)> =
+        expected.iter().copied().zip(observed.iter().map(|o| *o as f64)).collect();
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));
     if cells.iter().any(|(e, o)| *e <= 0.0 && *o > 0.0) {
         return Verdict { p: 0.0, degrees: cells.len() };
@@ -101,7 +102,9 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
 #[test]
 fn probabilities_are_those_of_the_tables() {
     // Abramowitz and Stegun, table 26.8, and the exponential distribution, which has two degrees of freedom.
-    for (x, degrees, p) in [(3.841_459, 1, 0.05), (18.307_04, 10, 0.05), (124.342_1, 100, 0.05), (149.449_3, 100, 0.001)] {
+    for (x, degrees, p) in
+        [(3.841_459, 1, 0.05), (18.307_04, 10, 0.05), (124.342_1, 100, 0.05), (149.449_3, 100, 0.001)]
+    {
         assert!((survival(x, degrees) / p - 1.0).abs() < 1e-5, "{x} {degrees}: {}", survival(x, degrees));
     }
     assert!((survival(60.0, 2) / libm::exp(-30.0) - 1.0).abs() < 1e-9);

@@ -41,12 +41,19 @@ fn the_gain_of_the_model_is_what_its_equations_give() {
         .collect();
     let cells: Vec<Vec<String>> = rows
         .iter()
-        .map(|(name, values)| [vec![name.clone()], values.iter().map(|v| format!("{v:.4}")).collect()].concat())
+        .map(|(name, values)| {
+            [vec![name.clone()], values.iter().map(|v| format!("{v:.4}")).collect()].concat()
+        })
         .collect();
     let head: Vec<String> = DEGREES.iter().map(|d| format!("{d}°")).collect();
-    let head: Vec<&str> = std::iter::once("albedo by quadrature of the oracle").chain(head.iter().map(String::as_str)).collect();
+    let head: Vec<&str> = std::iter::once("albedo by quadrature of the oracle")
+        .chain(head.iter().map(String::as_str))
+        .collect();
     println!("{}", table(&head, &cells));
-    let (name, most) = rows.iter().map(|(name, v)| (name, v.iter().fold(0.0, |a: f64, b| a.max(*b)))).fold((&rows[0].0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+    let (name, most) = rows
+        .iter()
+        .map(|(name, v)| (name, v.iter().fold(0.0, |a: f64, b| a.max(*b))))
+        .fold((&rows[0].0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
     println!("greatest: {most:.4}, {name}");
     // White and rough: 1.036 from above (found with numpy beforehand).
     let rough = Disney { base_color: [1.0; 3], roughness: 1.0, specular: 0.0, ..Disney::PLAIN };
@@ -59,7 +66,17 @@ fn the_gain_of_the_model_is_what_its_equations_give() {
 fn conserving_models_gain_nothing() {
     let mut all = sets();
     all.push(("everything", everything()));
-    all.push(("white everything", Disney { base_color: [1.0; 3], sheen: 1.0, clearcoat: 1.0, roughness: 1.0, specular: 1.0, ..Disney::PLAIN }));
+    all.push((
+        "white everything",
+        Disney {
+            base_color: [1.0; 3],
+            sheen: 1.0,
+            clearcoat: 1.0,
+            roughness: 1.0,
+            specular: 1.0,
+            ..Disney::PLAIN
+        },
+    ));
     let mut rows = Vec::new();
     let mut gained: f64 = 0.0;
     for (name, p) in all {

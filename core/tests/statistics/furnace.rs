@@ -23,8 +23,18 @@ pub(crate) fn material(p: &Disney) -> String {
         r#"{{"type": "principled_bsdf", "base_color": [{r:?}, {g:?}, {b:?}], "specular_transmission": {:?}, "metallic": {:?},
         "subsurface": {:?}, "specular": {:?}, "roughness": {:?}, "specular_tint": {:?}, "anisotropic": {:?}, "sheen": {:?},
         "sheen_tint": {:?}, "clearcoat": {:?}, "clearcoat_gloss": {:?}, "eta": {:?}}}"#,
-        p.specular_transmission, p.metallic, p.subsurface, p.specular, p.roughness, p.specular_tint, p.anisotropic, p.sheen,
-        p.sheen_tint, p.clearcoat, p.clearcoat_gloss, p.eta
+        p.specular_transmission,
+        p.metallic,
+        p.subsurface,
+        p.specular,
+        p.roughness,
+        p.specular_tint,
+        p.anisotropic,
+        p.sheen,
+        p.sheen_tint,
+        p.clearcoat,
+        p.clearcoat_gloss,
+        p.eta
     )
 }
 
@@ -38,7 +48,12 @@ pub(crate) fn ball(material: &str) -> String {
 
 /// Every pixel sees the ball, from the middle to cosines of about 0.2.
 pub(crate) fn close_up(spp: u32, seed: u32) -> Shot {
-    Shot { spp, seed, vfov: 2.0 * libm::asin(1.0 / 3.0).to_degrees() * 0.66, ..Shot::from(DVec3::new(1.0, 2.0, 2.0)) }
+    Shot {
+        spp,
+        seed,
+        vfov: 2.0 * libm::asin(1.0 / 3.0).to_degrees() * 0.66,
+        ..Shot::from(DVec3::new(1.0, 2.0, 2.0))
+    }
 }
 
 /// Cosine at the ball under a pixel.
@@ -60,9 +75,14 @@ fn difference(shot: &Shot, shown: &Shown, expected: &dyn Fn(f64) -> f64) -> (f64
 /// Limits: three thousandths, or as many standard errors as `tests` tests may be off by together.
 fn judge(rows: &[(String, f64, f64)]) {
     let limit = limit_of(sidak(FAMILY, rows.len()));
-    let cells: Vec<Vec<String>> =
-        rows.iter().map(|(name, d, e)| vec![name.clone(), format!("{:+.3} %", d * 100.0), format!("{:.3} %", e * 100.0)]).collect();
-    println!("limit {limit:.1} standard errors: a bias of {:.2} % fails", 100.0 * rows.iter().map(|r| r.2).fold(0.0, f64::max) * limit);
+    let cells: Vec<Vec<String>> = rows
+        .iter()
+        .map(|(name, d, e)| vec![name.clone(), format!("{:+.3} %", d * 100.0), format!("{:.3} %", e * 100.0)])
+        .collect();
+    println!(
+        "limit {limit:.1} standard errors: a bias of {:.2} % fails",
+        100.0 * rows.iter().map(|r| r.2).fold(0.0, f64::max) * limit
+    );
     println!("{}", table(&["material", "picture against quadrature", "±"], &cells));
     for (name, difference, error) in rows {
         assert!(*error < 2e-3, "{name}: no power: ± {error}");
@@ -72,14 +92,28 @@ fn judge(rows: &[(String, f64, f64)]) {
 
 #[test]
 fn opaque_balls_show_their_albedo() {
-    let names = ["plain", "rough", "polished", "subsurface", "metal", "metal rough", "sheen", "clearcoat", "metal half", "tinted highlight"];
+    let names = [
+        "plain",
+        "rough",
+        "polished",
+        "subsurface",
+        "metal",
+        "metal rough",
+        "sheen",
+        "clearcoat",
+        "metal half",
+        "tinted highlight",
+    ];
     let opaque = sets().into_iter().filter(|(name, _)| names.contains(name));
     let rows: Vec<_> = opaque
         .enumerate()
         .map(|(at, (name, p))| {
             let shot = close_up(512, at as u32);
-            let nodes: Vec<f64> = (0..16).map(|i| albedo(&p, view(libm::acos((f64::from(i) + 0.5) / 16.0).to_degrees(), 0.4))).collect();
-            let (difference, error) = difference(&shot, &shot.take(&ball(&material(&p))), &|cos| between(&nodes, cos));
+            let nodes: Vec<f64> = (0..16)
+                .map(|i| albedo(&p, view(libm::acos((f64::from(i) + 0.5) / 16.0).to_degrees(), 0.4)))
+                .collect();
+            let (difference, error) =
+                difference(&shot, &shot.take(&ball(&material(&p))), &|cos| between(&nodes, cos));
             (name.to_owned(), difference, error)
         })
         .collect();
@@ -117,7 +151,9 @@ fn ball_of_glass(p: &Disney) -> Vec<f64> {
     let out = sums(&leave);
     let mut within = out.clone();
     for _ in 0..200 {
-        within = (0..COSINES).map(|i| out[i] + (0..COSINES).map(|j| inside[i][j] * within[j]).sum::<f64>()).collect();
+        within = (0..COSINES)
+            .map(|i| out[i] + (0..COSINES).map(|j| inside[i][j] * within[j]).sum::<f64>())
+            .collect();
     }
     let mirrored = sums(&mirror);
     (0..COSINES).map(|i| mirrored[i] + (0..COSINES).map(|j| enter[i][j] * within[j]).sum::<f64>()).collect()
@@ -130,7 +166,11 @@ fn glass_balls_show_the_sky() {
     let rough = ball_of_glass(&Disney { roughness: 0.3, ..glass });
     let whole = |_: f64| 1.0;
     let lost = |cos: f64| between(&rough, cos);
-    println!("of a ball of roughness 0.3 leaves {:.4} to {:.4} by quadrature", rough.iter().fold(9.0, |a: f64, b| a.min(*b)), rough.iter().fold(0.0, |a: f64, b| a.max(*b)));
+    println!(
+        "of a ball of roughness 0.3 leaves {:.4} to {:.4} by quadrature",
+        rough.iter().fold(9.0, |a: f64, b| a.min(*b)),
+        rough.iter().fold(0.0, |a: f64, b| a.max(*b))
+    );
     let cases: [(&str, String, &dyn Fn(f64) -> f64); 5] = [
         ("dielectric smooth", r#"{"type": "dielectric", "ior": 1.5}"#.to_owned(), &whole),
         ("disney_glass smooth", r#"{"type": "disney_glass", "roughness": 0}"#.to_owned(), &whole),
@@ -176,16 +216,27 @@ fn no_material_brightens_with_samples() {
         .map(|(at, (name, p))| {
             let body = room(&material(p));
             let shot = |spp, seed| Shot { side: 8, max_depth: 24, ..close_up(spp, seed) };
-            let (few, many) = (shot(64, 100 + at as u32).take(&body), shot(4096, 200 + at as u32).take(&body));
+            let (few, many) =
+                (shot(64, 100 + at as u32).take(&body), shot(4096, 200 + at as u32).take(&body));
             ((*name).to_owned(), (few.mean - many.mean) / many.mean, few.error.hypot(many.error) / many.mean)
         })
         .collect();
     let limit = limit_of(sidak(FAMILY, rows.len()));
     let cells: Vec<Vec<String>> = rows
         .iter()
-        .map(|(name, d, e)| vec![name.clone(), format!("{:+.2} %", d * 100.0), format!("{:.2} %", e * 100.0), format!("{:+.1}", d / e)])
+        .map(|(name, d, e)| {
+            vec![
+                name.clone(),
+                format!("{:+.2} %", d * 100.0),
+                format!("{:.2} %", e * 100.0),
+                format!("{:+.1}", d / e),
+            ]
+        })
         .collect();
-    println!("64 against 4096 samples, limit {limit:.1} standard errors\n{}", table(&["material", "difference", "±", "in errors"], &cells));
+    println!(
+        "64 against 4096 samples, limit {limit:.1} standard errors\n{}",
+        table(&["material", "difference", "±", "in errors"], &cells)
+    );
     let beyond = rows.iter().filter(|(_, d, e)| d.abs() > 3.0 * e).count();
     println!("{beyond} of {} beyond 3 standard errors", rows.len());
     assert!(rows.iter().all(|(_, d, e)| d.abs() < limit * e), "brighter or darker with samples");

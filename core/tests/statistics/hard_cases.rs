@@ -36,7 +36,10 @@ fn case_01_the_narrowest_peak_keeps_its_digits() {
 #[test]
 fn case_02_the_sharpest_clearcoat_keeps_its_digits() {
     let coat = Disney { base_color: [0.0; 3], clearcoat: 1.0, clearcoat_gloss: 1.0, ..Disney::PLAIN };
-    let bsdf = Bsdf::Principled(Principled::with_lobes(&parameters(&coat), Lobes { clearcoat: 0.25, ..Lobes::default() }));
+    let bsdf = Bsdf::Principled(Principled::with_lobes(
+        &parameters(&coat),
+        Lobes { clearcoat: 0.25, ..Lobes::default() },
+    ));
     // All that the oracle adds to it: the metal lobe, which these parameters leave (1 − h·ωi)⁵ of.
     let without = Disney { clearcoat: 0.0, ..coat };
     let mut random = Random::new(2);
@@ -65,9 +68,16 @@ fn case_03_metal_at_a_grazing_view_sends_back_what_quadrature_says() {
         let wo = view(libm::acos(1e-4).to_degrees(), 0.3);
         let outcome = run(&principled(&metal), wo, Effort { seed: 3, ..Effort::SHORT });
         let want = albedo(&metal, wo);
-        println!("roughness {roughness}: {:?}, quadrature {want:.5}, greatest weight {:.3}", outcome.mean, outcome.largest);
+        println!(
+            "roughness {roughness}: {:?}, quadrature {want:.5}, greatest weight {:.3}",
+            outcome.mean, outcome.largest
+        );
         assert!(outcome.broken == 0 && outcome.largest.is_finite());
-        assert!((outcome.mean.0 / want - 1.0).abs() < 5e-3, "roughness {roughness}: {:?} against {want}", outcome.mean);
+        assert!(
+            (outcome.mean.0 / want - 1.0).abs() < 5e-3,
+            "roughness {roughness}: {:?} against {want}",
+            outcome.mean
+        );
     }
 }
 
@@ -77,7 +87,10 @@ fn case_04_the_most_brushed_metal_has_its_density() {
     // Turning the view about the normal is turning the frame.
     for azimuth in [0.0, 0.3, std::f64::consts::FRAC_PI_2, 4.0] {
         let outcome = run(&principled(&metal), view(50.0, azimuth), Effort { seed: 4, ..Effort::SHORT });
-        println!("azimuth {azimuth:.2}: p {:.2e}, mean {:?}, integral {:.5}", outcome.verdict.p, outcome.mean, outcome.albedo);
+        println!(
+            "azimuth {azimuth:.2}: p {:.2e}, mean {:?}, integral {:.5}",
+            outcome.verdict.p, outcome.mean, outcome.albedo
+        );
         assert!(outcome.broken == 0 && outcome.verdict.p > 1e-5 && outcome.albedo_p() > 1e-5, "{outcome:?}");
     }
 }
@@ -105,18 +118,34 @@ fn passed(bsdf: &Bsdf, wo: Vec3) -> (Vec3, Vec3) {
 #[test]
 fn case_05_glass_of_no_contrast_is_not_there() {
     let wo = view(40.0, 0.8);
-    let at = |eta: f32, roughness: f32| principled(&Disney { base_color: [0.81, 0.49, 0.25], specular_transmission: 1.0, eta, roughness, ..Disney::PLAIN });
+    let at = |eta: f32, roughness: f32| {
+        principled(&Disney {
+            base_color: [0.81, 0.49, 0.25],
+            specular_transmission: 1.0,
+            eta,
+            roughness,
+            ..Disney::PLAIN
+        })
+    };
     let tint = Vec3::new(0.9, 0.7, 0.5);
     for roughness in [0.0_f32, 0.1, 0.3, 1.0] {
-        let masked = 1.0 - Microfacets::new(Distribution::Ggx, Vec2::splat(roughness * roughness)).unmasked(wo);
+        let masked =
+            1.0 - Microfacets::new(Distribution::Ggx, Vec2::splat(roughness * roughness)).unmasked(wo);
         for eta in [1.0, 1.0 + 1e-6, 1.0 - 1e-6, 1.0 + 1e-4, 1.0 - 1e-4] {
             let (straight, all) = passed(&at(eta, roughness), wo);
-            assert!((straight - tint).abs().max_element() < 1e-3, "eta {eta}, roughness {roughness}: {straight}");
+            assert!(
+                (straight - tint).abs().max_element() < 1e-3,
+                "eta {eta}, roughness {roughness}: {straight}"
+            );
             assert!((all - tint).abs().max_element() < 1e-3, "eta {eta}, roughness {roughness}: {all}");
         }
-        let (below, above) = (passed(&at(1.000_999, roughness), wo).1, passed(&at(1.001_001, roughness), wo).1);
+        let (below, above) =
+            (passed(&at(1.000_999, roughness), wo).1, passed(&at(1.001_001, roughness), wo).1);
         let step = (below - above).abs().max_element();
-        println!("roughness {roughness}: step {step:.5}, masked {masked:.5}; at index 1.01 {}", passed(&at(1.01, roughness), wo).1);
+        println!(
+            "roughness {roughness}: step {step:.5}, masked {masked:.5}; at index 1.01 {}",
+            passed(&at(1.01, roughness), wo).1
+        );
         assert!(step < 1e-3 + masked, "roughness {roughness}: {below} {above}");
         assert!(roughness > 0.1 || step < 1e-3, "roughness {roughness}: {below} {above}");
     }
@@ -129,7 +158,9 @@ fn case_07_total_reflection() {
     let smooth = Bsdf::Dielectric(Dielectric::new(1.5, None, Vec3::ONE, Vec3::ONE));
     let sharp = principled(&Disney { specular_transmission: 1.0, roughness: 0.0, ..WHITE });
     let rough = principled(&Disney { specular_transmission: 1.0, roughness: 0.3, ..WHITE });
-    for degrees in [89.99, 60.0, critical + 1e-3, critical, critical + 1e-6, critical - 1e-6, critical - 1e-3, 0.0] {
+    for degrees in
+        [89.99, 60.0, critical + 1e-3, critical, critical + 1e-6, critical - 1e-6, critical - 1e-3, 0.0]
+    {
         let wo = -view(degrees, 0.2);
         for (name, bsdf) in [("smooth", &smooth), ("sharp", &sharp), ("rough", &rough)] {
             let mut random = Random::new(7);
@@ -137,7 +168,10 @@ fn case_07_total_reflection() {
             for _ in 0..4096 {
                 let lobe = random.unit();
                 let Some(s) = bsdf.sample(wo, lobe, random.pair()) else { continue };
-                assert!(s.wi.is_finite() && s.weight.is_finite() && s.pdf > 0.0, "{name} at {degrees}: {s:?}");
+                assert!(
+                    s.wi.is_finite() && s.weight.is_finite() && s.pdf > 0.0,
+                    "{name} at {degrees}: {s:?}"
+                );
                 let (f, pdf) = bsdf.scatter(wo, s.wi);
                 assert!(f.is_finite() && pdf.is_finite(), "{name} at {degrees}: {f} {pdf}");
                 sum += f64::from(s.weight.x * s.eta2) / 4096.0;
@@ -162,9 +196,16 @@ fn case_08_sheen_on_glass_has_bounded_weights() {
         let wo = view(degrees, 0.5);
         let outcome = run(&principled(&p), wo, Effort { seed: 8, ..Effort::SHORT });
         let want = albedo(&p, wo);
-        println!("{degrees}°: greatest weight {:.2}, mean {:.4} ± {:.4}, quadrature {want:.4}", outcome.largest, outcome.mean.0, outcome.mean.1);
+        println!(
+            "{degrees}°: greatest weight {:.2}, mean {:.4} ± {:.4}, quadrature {want:.4}",
+            outcome.largest, outcome.mean.0, outcome.mean.1
+        );
         assert!(outcome.largest < 10.0, "{degrees}°: {}", outcome.largest);
-        assert!((outcome.mean.0 - want).abs() < 4.9 * outcome.mean.1 + 1e-3, "{degrees}°: {:?} against {want}", outcome.mean);
+        assert!(
+            (outcome.mean.0 - want).abs() < 4.9 * outcome.mean.1 + 1e-3,
+            "{degrees}°: {:?} against {want}",
+            outcome.mean
+        );
     }
 }
 
@@ -187,7 +228,10 @@ fn opposite_and_grazing_directions_have_values() {
             };
             let wi = wi.normalize();
             let (f, pdf) = bsdf.scatter(wo, wi);
-            assert!(f.is_finite() && f.min_element() >= 0.0 && pdf.is_finite() && pdf >= 0.0, "{p:?} {wo:?} {wi:?}: {f} {pdf}");
+            assert!(
+                f.is_finite() && f.min_element() >= 0.0 && pdf.is_finite() && pdf >= 0.0,
+                "{p:?} {wo:?} {wi:?}: {f} {pdf}"
+            );
             let lobe = random.unit();
             if let Some(s) = bsdf.sample(wo, lobe, random.pair()) {
                 assert!(s.weight.is_finite() && s.wi.is_finite(), "{p:?} {wo:?}: {s:?}");

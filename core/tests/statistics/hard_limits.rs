@@ -7,9 +7,9 @@ use super::random::Random;
 use super::scenes::{Shot, Shown};
 use super::support::{fingerprint, render, scene_in};
 use glam::{DVec3, Vec3};
+use karst_core::light::{Receiver, mesh_lights};
 use karst_core::scene::{Assets, Document, Folder, Limits};
 use std::path::Path;
-use karst_core::light::{Receiver, mesh_lights};
 
 const GRAY: &str = r#"{"type": "diffuse", "reflectance": [0.5, 0.5, 0.5]}"#;
 
@@ -22,7 +22,8 @@ fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
 /// The mean of 1 / density over samples is the solid angle, from 1e-10 to nearly half of the sphere.
 #[test]
 fn case_15_a_triangle_light_of_any_solid_angle() {
-    let corner = |angle: f64, distance: f64| DVec3::new(libm::cos(angle), libm::sin(angle), 0.0) + DVec3::Z * distance;
+    let corner =
+        |angle: f64, distance: f64| DVec3::new(libm::cos(angle), libm::sin(angle), 0.0) + DVec3::Z * distance;
     let third = std::f64::consts::TAU / 3.0;
     for distance in [1.2e5, 1e3, 30.0, 3.0, 1.0, 0.3, 0.01, 1.3e-3] {
         // Counter-clockwise as seen from below, where the receiver is.
@@ -52,24 +53,34 @@ fn case_16_a_sky_with_a_glaring_pixel() {
     let folder = folder(&[("square.obj", "v -1 0 -1\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nf 1 2 3 4\n")]);
     let radiance = |x: usize, y: usize| if (x, y) == glaring { 1e4_f32 } else { 1e-2 };
     let path = folder.path().join("sky.exr");
-    exr::prelude::write_rgb_file(&path, WIDTH, HEIGHT, |x, y| (radiance(x, y), radiance(x, y), radiance(x, y))).unwrap();
+    exr::prelude::write_rgb_file(&path, WIDTH, HEIGHT, |x, y| {
+        (radiance(x, y), radiance(x, y), radiance(x, y))
+    })
+    .unwrap();
     let mut irradiance = 0.0;
     for y in 0..HEIGHT {
         // Rows run over equal angles from +y down: cos θ sin θ dθ dφ by the midpoint of the row.
         let theta = (y as f64 + 0.5) / HEIGHT as f64 * std::f64::consts::PI;
-        let solid = libm::sin(theta) * std::f64::consts::PI / HEIGHT as f64 * std::f64::consts::TAU / WIDTH as f64;
-        irradiance += (0..WIDTH).map(|x| f64::from(radiance(x, y)) * libm::cos(theta).max(0.0) * solid).sum::<f64>();
+        let solid =
+            libm::sin(theta) * std::f64::consts::PI / HEIGHT as f64 * std::f64::consts::TAU / WIDTH as f64;
+        irradiance +=
+            (0..WIDTH).map(|x| f64::from(radiance(x, y)) * libm::cos(theta).max(0.0) * solid).sum::<f64>();
     }
     let members = format!(
         r#""materials": {{"m": {GRAY}}}, "meshes": {{"square": {{"file": "square.obj"}}}},
         "instances": {{"floor": {{"mesh": "square", "material": "m"}}}},
         "lights": {{"sky": {{"type": "environment", "image": "sky.exr"}}}}"#
     );
-    let shown = Shot { vfov: 5.0, spp: 256, ..Shot::from(DVec3::new(1.0, 3.0, 0.5)) }.take_in(folder.path(), &members);
+    let shown = Shot { vfov: 5.0, spp: 256, ..Shot::from(DVec3::new(1.0, 3.0, 0.5)) }
+        .take_in(folder.path(), &members);
     let want = 0.5 * irradiance / std::f64::consts::PI;
     println!("{:.5} ± {:.5}, expected {want:.5}", shown.mean, shown.error);
     // Texels are blended into their neighbours, over which the cosine bends a little.
-    assert!((shown.mean / want - 1.0).abs() < 0.01 + 4.9 * shown.error / want, "{} against {want}", shown.mean);
+    assert!(
+        (shown.mean / want - 1.0).abs() < 0.01 + 4.9 * shown.error / want,
+        "{} against {want}",
+        shown.mean
+    );
     assert!(shown.error < 0.01 * want, "the texel is not found: ± {}", shown.error);
 }
 
@@ -104,11 +115,14 @@ fn textured(file: &str) -> String {
 fn case_25_textures_without_numbers_and_very_wide_ones() {
     let folder = folder(&[]);
     let at = |x, y| if (x, y) == (3, 1) { f32::NAN } else { 0.5_f32 };
-    exr::prelude::write_rgb_file(folder.path().join("holes.exr"), 8, 4, |x, y| (at(x, y), 0.5_f32, 0.5_f32)).unwrap();
+    exr::prelude::write_rgb_file(folder.path().join("holes.exr"), 8, 4, |x, y| (at(x, y), 0.5_f32, 0.5_f32))
+        .unwrap();
     let message = refusal(folder.path(), &textured("holes.exr"));
     println!("{message}");
     assert!(message.contains("holes.exr") && message.contains('3') && message.contains('1'), "{message}");
-    image::RgbImage::from_pixel(16_384, 2, image::Rgb([188, 188, 188])).save(folder.path().join("wide.png")).unwrap();
+    image::RgbImage::from_pixel(16_384, 2, image::Rgb([188, 188, 188]))
+        .save(folder.path().join("wide.png"))
+        .unwrap();
     let Shown { mean, error, .. } = close_up(64, 1).take_in(folder.path(), &textured("wide.png"));
     // 188 of 255 in sRGB is 0.5029 of the light.
     assert!((mean - 0.5029).abs() < 1e-3 + 4.9 * error, "{mean}");

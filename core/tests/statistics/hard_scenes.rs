@@ -61,10 +61,18 @@ fn case_10_normals_that_lean_far_create_no_light() {
             "lights": {{"sky": {{"type": "environment", "radiance": [1, 1, 1]}}}}"#
         );
         // From the side that the normals lean away from, nearly along them, and from behind.
-        for eye in [DVec3::new(-4.0, 0.0, 1.0), DVec3::new(4.0, 0.0, 1.0), DVec3::new(0.0, 0.0, 4.0), DVec3::new(1.0, 2.0, -3.0)] {
+        for eye in [
+            DVec3::new(-4.0, 0.0, 1.0),
+            DVec3::new(4.0, 0.0, 1.0),
+            DVec3::new(0.0, 0.0, 4.0),
+            DVec3::new(1.0, 2.0, -3.0),
+        ] {
             let shown = Shot { vfov: 8.0, spp: 256, ..Shot::from(eye) }.take_in(folder.path(), &members);
             let greatest = shown.picture.color.iter().map(|c| c.max_element()).fold(0.0, f32::max);
-            println!("{name} from {eye}: mean {:.4} ± {:.4}, greatest pixel {greatest:.3}", shown.mean, shown.error);
+            println!(
+                "{name} from {eye}: mean {:.4} ± {:.4}, greatest pixel {greatest:.3}",
+                shown.mean, shown.error
+            );
             // Radiance of a sky of 1 seen through glass is at most 1 on this side, 1 everywhere else; in the leaning
             // normal's glass the other side is denser by 1.5².
             let most = if name.contains("glass") { 1.5 * 1.5 } else { 1.0 };
@@ -89,22 +97,35 @@ fn case_11_sizes_and_places_far_apart() {
             list(DVec3::new(center, 0.0, 3.0 * other + 100.0 * radius)),
         );
         let distance = 4.0;
-        let shot = Shot { side: 64, spp: 16, vfov: 40.0, eye: at + DVec3::new(0.0, 0.0, distance * radius), target: at, ..Shot::from(DVec3::Z) };
+        let shot = Shot {
+            side: 64,
+            spp: 16,
+            vfov: 40.0,
+            eye: at + DVec3::new(0.0, 0.0, distance * radius),
+            target: at,
+            ..Shot::from(DVec3::Z)
+        };
         let shown = shot.take(&members);
         let hit: Vec<usize> = (0..64 * 64).filter(|i| shown.picture.depth[*i].is_finite()).collect();
         // A pixel's angle: half the picture is tan 20°; the ball's edge is at asin(1/4).
         let edge = 1.0 / (distance * distance - 1.0).sqrt() / libm::tan(20.0_f64.to_radians()) * 32.0;
         let covered = hit.len() as f64;
-        let (least, most) = (std::f64::consts::PI * (edge - 1.0).powi(2), std::f64::consts::PI * (edge + 1.5).powi(2));
+        let (least, most) =
+            (std::f64::consts::PI * (edge - 1.0).powi(2), std::f64::consts::PI * (edge + 1.5).powi(2));
         println!("center {center:e}, radius {radius:e}: {covered} pixels of {least:.0} to {most:.0}");
         assert!((least..most).contains(&covered), "center {center}, radius {radius}: {covered}");
         if center < 1e5 * radius {
-            let inner: Vec<Vec3> = hit.iter().filter(|i| inside(**i, edge - 2.0)).map(|i| shown.picture.color[*i]).collect();
+            let inner: Vec<Vec3> =
+                hit.iter().filter(|i| inside(**i, edge - 2.0)).map(|i| shown.picture.color[*i]).collect();
             let darkest = inner.iter().map(|c| c.x).fold(9.0, f32::min);
             println!("  mean {:.5}, darkest {darkest}", mean_of(&inner));
             // The sky is lit evenly, and weights of cosine sampling are exact: a lost sample is the only error but for
             // that of sampling the light.
-            assert!((mean_of(&inner) - 0.5).abs() < 2e-3, "center {center}, radius {radius}: {}", mean_of(&inner));
+            assert!(
+                (mean_of(&inner) - 0.5).abs() < 2e-3,
+                "center {center}, radius {radius}: {}",
+                mean_of(&inner)
+            );
         }
     }
 }
@@ -125,7 +146,8 @@ fn case_12_no_ray_slips_between_triangles() {
         let center = random.direction() * random.between(0.0, 100.0);
         let size = libm::exp2f(random.between(-6.0, 6.0));
         let corners: [Vec3; 4] = std::array::from_fn(|_| center + random.direction() * size);
-        let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]].map(|face: [usize; 3]| face.map(|i| corners[i]));
+        let faces =
+            [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]].map(|face: [usize; 3]| face.map(|i| corners[i]));
         let volume = (corners[1] - corners[0]).cross(corners[2] - corners[0]).dot(corners[3] - corners[0]);
         if volume.abs() < 1e-3 * size.powi(3) {
             continue;
@@ -154,7 +176,11 @@ fn case_13_broken_triangles_are_dropped_or_named() {
     let read = |text: &str| read(text.as_bytes(), "mesh.obj", 1000);
     let good = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     let flat = read(&format!("{good}v 0.5 0 0\nf 1 2 4\nf 1 2 3\nf 1 1 2\n")).unwrap();
-    assert_eq!((flat.triangles.len(), flat.dropped), (1, 2), "triangles without area are left out and counted");
+    assert_eq!(
+        (flat.triangles.len(), flat.dropped),
+        (1, 2),
+        "triangles without area are left out and counted"
+    );
     let needle = read(&format!("{good}v 0.5 1e-7 0\nf 1 2 4\nf 1 2 3\n")).unwrap();
     assert!(needle.triangles.len() + needle.dropped as usize == 2);
     let twice = read(&format!("{good}f 1 2 3\nf 1 2 3\n")).unwrap();
@@ -169,12 +195,16 @@ fn case_13_broken_triangles_are_dropped_or_named() {
     ]);
     let files = ["needle", "twins", "one"];
     let meshes = files.map(|n| format!(r#""{n}": {{"file": "{n}.obj"}}"#)).join(", ");
-    let instances = files.map(|n| format!(r#""{n}": {{"mesh": "{n}", "material": "m", "emission": [0.1, 0.1, 0.1]}}"#)).join(", ");
+    let instances = files
+        .map(|n| format!(r#""{n}": {{"mesh": "{n}", "material": "m", "emission": [0.1, 0.1, 0.1]}}"#))
+        .join(", ");
     let members = format!(
         r#""materials": {{"m": {GRAY}}}, "meshes": {{{meshes}}}, "instances": {{{instances}}},
         "lights": {{"sky": {{"type": "environment", "radiance": [1, 1, 1]}}}}"#
     );
-    let shown = Shot { vfov: 40.0, target: DVec3::new(0.3, 0.3, 0.0), ..Shot::from(DVec3::new(0.3, 0.3, 2.0)) }.take_in(folder.path(), &members);
+    let shown =
+        Shot { vfov: 40.0, target: DVec3::new(0.3, 0.3, 0.0), ..Shot::from(DVec3::new(0.3, 0.3, 2.0)) }
+            .take_in(folder.path(), &members);
     assert!(shown.mean > 0.4 && shown.mean < 1.2, "{}", shown.mean);
 }
 
@@ -195,7 +225,8 @@ fn case_14_lights_in_bad_places() {
             "instances": {{"lamp": {{"mesh": "square", "material": "m", "transform": {lamp}, "emission": [1, 1, 1]}},
             "wall": {{"mesh": "square", "material": "m", "transform": {wall}}}}}"#
         );
-        let shown = Shot { vfov: 60.0, spp: 64, ..Shot::from(DVec3::new(0.5, 0.3, 3.0)) }.take_in(folder.path(), &members);
+        let shown = Shot { vfov: 60.0, spp: 64, ..Shot::from(DVec3::new(0.5, 0.3, 3.0)) }
+            .take_in(folder.path(), &members);
         let greatest = shown.picture.color.iter().map(|c| c.max_element()).fold(0.0, f32::max);
         println!("lamp {name}: mean {:.4}, greatest pixel {greatest:.3}", shown.mean);
         // Facing walls of albedo 1/2 can at most double a radiance of 1.
@@ -210,7 +241,11 @@ fn case_14_lights_in_bad_places() {
         let shown = close_up(64, 1).take(&members);
         let dark = body == GRAY;
         println!("lamp in a ball: {:.4}", shown.mean);
-        assert!(if dark { shown.mean == 0.0 } else { shown.mean > 0.01 && shown.mean < 1.5 }, "{}", shown.mean);
+        assert!(
+            if dark { shown.mean == 0.0 } else { shown.mean > 0.01 && shown.mean < 1.5 },
+            "{}",
+            shown.mean
+        );
     }
 }
 
@@ -242,6 +277,10 @@ fn case_16_skies() {
         let radius = libm::sin((0.5 * size).to_radians());
         let want = 0.5 * 3.0 / std::f64::consts::PI * 2.0 / (3.0 * std::f64::consts::PI) * radius;
         println!("sun of {size}° setting: {:.6} ± {:.6}, expected {want:.6}", setting.mean, setting.error);
-        assert!((setting.mean - want).abs() < 0.02 * want + 4.9 * setting.error + 1e-6, "{size}: {} against {want}", setting.mean);
+        assert!(
+            (setting.mean - want).abs() < 0.02 * want + 4.9 * setting.error + 1e-6,
+            "{size}: {} against {want}",
+            setting.mean
+        );
     }
 }

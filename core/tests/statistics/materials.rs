@@ -5,8 +5,8 @@ use super::random::Random;
 use super::trial::Scatterer;
 use glam::{Vec2, Vec3};
 use karst_core::bsdf::{
-    Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Lobes, Microfacets, Mirror, Parameters, Plastic, Principled,
-    ThinDielectric,
+    Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Lobes, Microfacets, Mirror,
+    Parameters, Plastic, Principled, ThinDielectric,
 };
 use std::sync::Arc;
 
@@ -32,7 +32,9 @@ impl Scatterer for Case {
     }
 
     fn truth(&self, wo: Vec3, wi: Vec3) -> f64 {
-        let mean = |p: &Disney| p.value(wo.to_array().map(f64::from), wi.to_array().map(f64::from)).iter().sum::<f64>() / 3.0;
+        let mean = |p: &Disney| {
+            p.value(wo.to_array().map(f64::from), wi.to_array().map(f64::from)).iter().sum::<f64>() / 3.0
+        };
         self.disney.as_ref().map_or_else(|| f64::from(self.eval(wo, wi).element_sum()) / 3.0, mean)
     }
 }
@@ -106,7 +108,10 @@ pub(crate) fn sets() -> Vec<(&'static str, Disney)> {
         ("sheen alone", Disney { sheen: 1.0, base_color: [0.0; 3], specular: 0.0, ..plain }),
         ("clearcoat", Disney { clearcoat: 1.0, clearcoat_gloss: 0.5, roughness: 0.7, ..plain }),
         ("clearcoat glossy", Disney { clearcoat: 1.0, roughness: 0.7, ..plain }),
-        ("clearcoat dull", Disney { clearcoat: 1.0, clearcoat_gloss: 0.0, base_color: [0.0; 3], specular: 0.0, ..plain }),
+        (
+            "clearcoat dull",
+            Disney { clearcoat: 1.0, clearcoat_gloss: 0.0, base_color: [0.0; 3], specular: 0.0, ..plain },
+        ),
         ("glass", Disney { roughness: 0.3, ..glass }),
         ("glass sharp", Disney { roughness: 0.05, base_color: WHITE, ..glass }),
         ("glass rough", Disney { roughness: 1.0, base_color: WHITE, ..glass }),
@@ -156,7 +161,15 @@ pub(crate) fn grid() -> Vec<Case> {
 
 /// The lobes of the whole model alone.
 fn lobes() -> Vec<(&'static str, Bsdf)> {
-    let p = Disney { base_color: BROWN, roughness: 0.4, anisotropic: 0.5, metallic: 1.0, sheen_tint: 0.5, clearcoat_gloss: 0.8, ..Disney::PLAIN };
+    let p = Disney {
+        base_color: BROWN,
+        roughness: 0.4,
+        anisotropic: 0.5,
+        metallic: 1.0,
+        sheen_tint: 0.5,
+        clearcoat_gloss: 0.8,
+        ..Disney::PLAIN
+    };
     let alone = |lobes: Lobes, p: &Disney| Bsdf::Principled(Principled::with_lobes(&parameters(p), lobes));
     let none = Lobes::default();
     vec![
@@ -165,12 +178,16 @@ fn lobes() -> Vec<(&'static str, Bsdf)> {
         ("disney_metal", alone(Lobes { metal: 1.0, ..none }, &p)),
         ("disney_clearcoat", alone(Lobes { clearcoat: 1.0, ..none }, &p)),
         ("disney_glass", alone(Lobes { glass: 1.0, ..none }, &p)),
-        ("disney_glass smooth", alone(Lobes { glass: 1.0, ..none }, &Disney { roughness: 0.0, base_color: WHITE, ..p })),
+        (
+            "disney_glass smooth",
+            alone(Lobes { glass: 1.0, ..none }, &Disney { roughness: 0.0, base_color: WHITE, ..p }),
+        ),
     ]
 }
 
 fn dielectrics() -> Vec<(&'static str, Bsdf)> {
-    let glass = |ior, facets| Bsdf::Dielectric(Dielectric::new(ior, facets, Vec3::ONE, Vec3::new(0.9, 0.8, 0.7)));
+    let glass =
+        |ior, facets| Bsdf::Dielectric(Dielectric::new(ior, facets, Vec3::ONE, Vec3::new(0.9, 0.8, 0.7)));
     let (ggx, beckmann) = (Distribution::Ggx, Distribution::Beckmann);
     let (reflectance, transmittance) = (Vec3::ONE, Vec3::splat(0.8));
     vec![

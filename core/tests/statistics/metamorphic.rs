@@ -20,7 +20,10 @@ const HERE: Placing = Placing { scale: 1.0, turn: DMat3::IDENTITY, shift: DVec3:
 
 impl Placing {
     fn map(&self) -> DAffine3 {
-        DAffine3 { matrix3: self.turn * DMat3::from_diagonal(DVec3::splat(self.scale)), translation: self.shift }
+        DAffine3 {
+            matrix3: self.turn * DMat3::from_diagonal(DVec3::splat(self.scale)),
+            translation: self.shift,
+        }
     }
 
     fn point(&self, x: f64, y: f64, z: f64) -> String {
@@ -34,7 +37,10 @@ impl Placing {
     /// A unit square of the plane z = 0 around the origin, placed in the scene by a scaling, then a turn about x, then a
     /// shift.
     fn square(&self, scale: DVec3, about_x: f64, shift: DVec3) -> String {
-        let local = DAffine3 { matrix3: DMat3::from_rotation_x(about_x.to_radians()) * DMat3::from_diagonal(scale), translation: shift };
+        let local = DAffine3 {
+            matrix3: DMat3::from_rotation_x(about_x.to_radians()) * DMat3::from_diagonal(scale),
+            translation: shift,
+        };
         matrix(&(self.map() * local))
     }
 
@@ -50,9 +56,15 @@ impl Placing {
             let place = self.square(DVec3::new(width, 1.0, 1.0), 90.0, DVec3::new(x, 3.0, 0.5));
             // Under the mirror the corners run the other way round.
             let flip = self.turn.determinant() < 0.0;
-            format!(r#""{name}": {{"mesh": "square", "material": "gray", "transform": {place}, "emission": [8, 7, 6], "flip_normals": {flip}}}"#)
+            format!(
+                r#""{name}": {{"mesh": "square", "material": "gray", "transform": {place}, "emission": [8, 7, 6], "flip_normals": {flip}}}"#
+            )
         };
-        let lamps = if self.halves { format!("{}, {}", lamp(1.0, -0.5, "left"), lamp(1.0, 0.5, "right")) } else { lamp(2.0, 0.0, "lamp") };
+        let lamps = if self.halves {
+            format!("{}, {}", lamp(1.0, -0.5, "left"), lamp(1.0, 0.5, "right"))
+        } else {
+            lamp(2.0, 0.0, "lamp")
+        };
         let intensity = |i: f64| list(DVec3::splat(i * s2));
         format!(
             r#""materials": {{"metal": {metal}, "coat": {coat}, "glass": {{"type": "dielectric", "alpha": 0.3}}, "gray": {{"type": "diffuse", "reflectance": [0.5, 0.5, 0.4]}}}},
@@ -63,9 +75,14 @@ impl Placing {
             "lights": {{"point": {{"type": "point", "position": {}, "intensity": {}}},
             "spot": {{"type": "spotlight", "position": {}, "direction": {}, "intensity": {}, "focus": 3}},
             "sun": {{"type": "sun", "direction": {}, "irradiance": [1, 1, 1], "angular_size": 3}}}}"#,
-            centers[0], centers[1], centers[2],
-            self.point(3.0, 2.0, 2.0), intensity(3.0),
-            self.point(-3.0, 3.0, 2.0), self.direction(2.0, -3.0, -1.0), intensity(20.0),
+            centers[0],
+            centers[1],
+            centers[2],
+            self.point(3.0, 2.0, 2.0),
+            intensity(3.0),
+            self.point(-3.0, 3.0, 2.0),
+            self.direction(2.0, -3.0, -1.0),
+            intensity(20.0),
             self.direction(0.3, -1.0, -0.6)
         )
     }
@@ -81,14 +98,21 @@ impl Placing {
         let at = |v: DVec3| self.map().transform_point3(v);
         let (eye, target) = (at(DVec3::new(0.5, 2.0, 6.0)), at(DVec3::new(0.0, 0.7, 0.0)));
         let up = self.turn * DVec3::Y;
-        Shot { side: 32, spp: 256, seed, max_depth: 8, vfov: 40.0, eye, target, up, ..Shot::from(DVec3::Z) }.take_in(folder, &self.members())
+        Shot { side: 32, spp: 256, seed, max_depth: 8, vfov: 40.0, eye, target, up, ..Shot::from(DVec3::Z) }
+            .take_in(folder, &self.members())
     }
 }
 
 /// Same mean within the noise of both, and within a thousandth for f32 coordinates.
 fn alike(name: &str, a: &Shown, b: &Shown) {
     let part = b.mean / a.mean - 1.0;
-    println!("{name}: {:+.4} %, {:+.1} standard errors of {:.3} %: a bias of {:.2} % would fail", part * 100.0, b.apart(a), a.error.hypot(b.error) / a.mean * 100.0, 4.9 * a.error.hypot(b.error) / a.mean * 100.0);
+    println!(
+        "{name}: {:+.4} %, {:+.1} standard errors of {:.3} %: a bias of {:.2} % would fail",
+        part * 100.0,
+        b.apart(a),
+        a.error.hypot(b.error) / a.mean * 100.0,
+        4.9 * a.error.hypot(b.error) / a.mean * 100.0
+    );
     assert!(a.mean > 0.05 && a.error < 0.004 * a.mean, "{name}: no power: {} ± {}", a.mean, a.error);
     assert!(b.apart(a).abs() < 4.9, "{name}: {} ± {} against {} ± {}", b.mean, b.error, a.mean, a.error);
 }
@@ -105,7 +129,10 @@ fn units_places_and_turns_do_not_show() {
         ("moved by 10000", Placing { shift: DVec3::new(1e4, 0.0, -1e4), ..HERE }),
         ("turned", Placing { turn, ..HERE }),
         ("mirrored", Placing { turn: mirror, ..HERE }),
-        ("turned, mirrored, shrunk and moved", Placing { turn: turn * mirror, scale: 0.01, shift: DVec3::new(1.0, 2.0, 3.0), ..HERE }),
+        (
+            "turned, mirrored, shrunk and moved",
+            Placing { turn: turn * mirror, scale: 0.01, shift: DVec3::new(1.0, 2.0, 3.0), ..HERE },
+        ),
         ("a lamp in halves", Placing { halves: true, ..HERE }),
     ] {
         alike(name, &here, &placing.take(2));
@@ -118,12 +145,24 @@ fn a_changed_scene_does_show() {
     let here = HERE.take(1);
     let larger = Placing { scale: 1.02, ..HERE };
     // Everything but the lights' power scales: as if intensity were not power per solid angle of a larger world.
-    let members = larger.members().replace(&list(DVec3::splat(20.0 * 1.02 * 1.02)), &list(DVec3::splat(20.0)));
+    let members =
+        larger.members().replace(&list(DVec3::splat(20.0 * 1.02 * 1.02)), &list(DVec3::splat(20.0)));
     assert_ne!(members, larger.members());
-    let shot = Shot { side: 32, spp: 256, seed: 2, max_depth: 8, vfov: 40.0, ..Shot::from(DVec3::new(0.5, 2.0, 6.0) * 1.02) };
+    let shot = Shot {
+        side: 32,
+        spp: 256,
+        seed: 2,
+        max_depth: 8,
+        vfov: 40.0,
+        ..Shot::from(DVec3::new(0.5, 2.0, 6.0) * 1.02)
+    };
     let shot = Shot { target: DVec3::new(0.0, 0.7 * 1.02, 0.0), ..shot };
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("square.obj"), "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n").unwrap();
+    std::fs::write(
+        folder.path().join("square.obj"),
+        "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n",
+    )
+    .unwrap();
     let shown = shot.take_in(folder.path(), &members);
     println!("{:+.1} standard errors", shown.apart(&here));
     assert!(shown.apart(&here).abs() > 4.9, "{} against {}", shown.mean, here.mean);

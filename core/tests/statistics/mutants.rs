@@ -74,7 +74,14 @@ impl Mutant {
             let pdf = p(wo, wi);
             (pdf > 0.0).then(|| BsdfSample { wi, weight: e(wo, wi) / pdf, pdf, eta2: 1.0 })
         });
-        Self { name, wo, finder, eval: Box::new(move |wo, wi| eval(wo, wi)), pdf: Box::new(move |wo, wi| pdf(wo, wi)), sample }
+        Self {
+            name,
+            wo,
+            finder,
+            eval: Box::new(move |wo, wi| eval(wo, wi)),
+            pdf: Box::new(move |wo, wi| pdf(wo, wi)),
+            sample,
+        }
     }
 
     /// Samples of the model, changed.
@@ -107,17 +114,23 @@ fn mixtures() -> Vec<Mutant> {
     let both = |finder, name| {
         let (a, b) = (diffuse.clone(), metal.clone());
         let (c, d) = (diffuse.clone(), metal.clone());
-        Mutant::of(name, finder, 45.0, &diffuse).with_pdf(move |wo, wi| 0.5 * (a.pdf(wo, wi) + b.pdf(wo, wi))).with_directions(
-            move |wo, random| {
+        Mutant::of(name, finder, 45.0, &diffuse)
+            .with_pdf(move |wo, wi| 0.5 * (a.pdf(wo, wi) + b.pdf(wo, wi)))
+            .with_directions(move |wo, random| {
                 let of = if random.chance(0.5) { &c } else { &d };
                 Scatterer::sample(of, wo, random).map(|s| s.wi)
-            },
-        )
+            })
     };
     let (a, b) = (diffuse.clone(), metal.clone());
-    let forgets = Mutant { pdf: Box::new(move |wo, wi| a.pdf(wo, wi) + b.pdf(wo, wi)), ..both(Directions, "density without the choice of the lobe") };
+    let forgets = Mutant {
+        pdf: Box::new(move |wo, wi| a.pdf(wo, wi) + b.pdf(wo, wi)),
+        ..both(Directions, "density without the choice of the lobe")
+    };
     let a = diffuse.clone();
-    let alone = Mutant { pdf: Box::new(move |wo, wi| a.pdf(wo, wi)), ..both(Directions, "density of one lobe of two") };
+    let alone = Mutant {
+        pdf: Box::new(move |wo, wi| a.pdf(wo, wi)),
+        ..both(Directions, "density of one lobe of two")
+    };
     let plain = set(Disney { roughness: 0.3, specular: 1.0, ..Disney::PLAIN });
     let again = plain.clone();
     let shared = Mutant {
@@ -129,7 +142,10 @@ fn mixtures() -> Vec<Mutant> {
     };
     let glass = Disney { specular_transmission: 1.0, roughness: 0.1, ..Disney::PLAIN };
     let (covered, bare) = (set(Disney { sheen: 1.0, ..glass }), set(glass));
-    let uncovered = Mutant { eval: Box::new(move |wo, wi| covered.eval(wo, wi)), ..Mutant::of("sheen that no lobe covers", Weights, 45.0, &bare) };
+    let uncovered = Mutant {
+        eval: Box::new(move |wo, wi| covered.eval(wo, wi)),
+        ..Mutant::of("sheen that no lobe covers", Weights, 45.0, &bare)
+    };
     let (value, density) = (set(Disney { sheen: 1.0, ..glass }), set(glass));
     let uncovered = Mutant {
         sample: Box::new(move |wo, random| {
@@ -138,7 +154,8 @@ fn mixtures() -> Vec<Mutant> {
         }),
         ..uncovered
     };
-    let lossy = Mutant::of("one sample in a hundred lost", Directions, 45.0, &diffuse).with_samples(|s, random| (!random.chance(0.01)).then_some(s));
+    let lossy = Mutant::of("one sample in a hundred lost", Directions, 45.0, &diffuse)
+        .with_samples(|s, random| (!random.chance(0.01)).then_some(s));
     vec![both(Nothing, "right: two lobes"), forgets, alone, shared, uncovered, lossy]
 }
 
@@ -151,22 +168,37 @@ fn reflections() -> Vec<Mutant> {
     let (brushed, _) = conductor(Vec2::new(0.5, 0.1));
     let (turned, _) = conductor(Vec2::new(0.1, 0.5));
     let (rough, wide) = conductor(Vec2::splat(0.8));
-    let coat = principled(&Disney { base_color: [0.0; 3], specular: 0.0, clearcoat: 1.0, clearcoat_gloss: 0.0, ..Disney::PLAIN });
+    let coat = principled(&Disney {
+        base_color: [0.0; 3],
+        specular: 0.0,
+        clearcoat: 1.0,
+        clearcoat_gloss: 0.0,
+        ..Disney::PLAIN
+    });
     let dull = coat.clone();
     vec![
-        Mutant::of("density without the cosine", Directions, 45.0, &diffuse).with_pdf(|_, wi| if wi.z > 0.0 { 0.5 * std::f32::consts::FRAC_1_PI } else { 0.0 }),
-        Mutant::of("density of facets 5 % wider", Directions, 45.0, &metal).with_pdf(move |wo, wi| wider.pdf(wo, wi)),
-        Mutant::of("widths along x and y exchanged", Directions, 45.0, &brushed).with_pdf(move |wo, wi| turned.pdf(wo, wi)),
-        Mutant::of("reflections below the horizon folded up", Directions, 85.0, &rough).with_directions(move |wo, random| {
-            let wi = wide.sample_reflection(wo, random.pair());
-            Some(wi.with_z(wi.z.abs()))
-        }),
-        Mutant::of("density of all visible facets for a cap of them", Directions, 45.0, &rough).with_pdf(move |wo, wi| {
-            let h = half(wo, wi);
-            if wi.z > 0.0 { wide.visible_pdf(wo, h) / (4.0 * wo.dot(h)) } else { 0.0 }
-        }),
-        Mutant::of("clearcoat density without the facet's cosine", Directions, 45.0, &coat).with_pdf(move |wo, wi| dull.pdf(wo, wi) / half(wo, wi).z),
-        Mutant::of("weights 1 % too bright", Weights, 45.0, &metal).with_samples(|s, _| Some(BsdfSample { weight: s.weight * 1.01, ..s })),
+        Mutant::of("density without the cosine", Directions, 45.0, &diffuse)
+            .with_pdf(|_, wi| if wi.z > 0.0 { 0.5 * std::f32::consts::FRAC_1_PI } else { 0.0 }),
+        Mutant::of("density of facets 5 % wider", Directions, 45.0, &metal)
+            .with_pdf(move |wo, wi| wider.pdf(wo, wi)),
+        Mutant::of("widths along x and y exchanged", Directions, 45.0, &brushed)
+            .with_pdf(move |wo, wi| turned.pdf(wo, wi)),
+        Mutant::of("reflections below the horizon folded up", Directions, 85.0, &rough).with_directions(
+            move |wo, random| {
+                let wi = wide.sample_reflection(wo, random.pair());
+                Some(wi.with_z(wi.z.abs()))
+            },
+        ),
+        Mutant::of("density of all visible facets for a cap of them", Directions, 45.0, &rough).with_pdf(
+            move |wo, wi| {
+                let h = half(wo, wi);
+                if wi.z > 0.0 { wide.visible_pdf(wo, h) / (4.0 * wo.dot(h)) } else { 0.0 }
+            },
+        ),
+        Mutant::of("clearcoat density without the facet's cosine", Directions, 45.0, &coat)
+            .with_pdf(move |wo, wi| dull.pdf(wo, wi) / half(wo, wi).z),
+        Mutant::of("weights 1 % too bright", Weights, 45.0, &metal)
+            .with_samples(|s, _| Some(BsdfSample { weight: s.weight * 1.01, ..s })),
     ]
 }
 
@@ -176,7 +208,8 @@ fn refractions() -> Vec<Mutant> {
     let glass = set(Disney { specular_transmission: 1.0, roughness: 0.8, ..Disney::PLAIN });
     let wide = facets(Distribution::Ggx, 0.64, 0.64).unwrap_or_else(|| panic!("facets"));
     let own = |finder, name, degrees, keep: bool, by_surface: bool| {
-        Mutant::of(name, finder, degrees, &glass).with_directions(move |wo, random| refracted(&wide, wo, random, keep, by_surface))
+        Mutant::of(name, finder, degrees, &glass)
+            .with_directions(move |wo, random| refracted(&wide, wo, random, keep, by_surface))
     };
     let (a, b, c) = (glass.clone(), glass.clone(), glass.clone());
     vec![
@@ -184,23 +217,36 @@ fn refractions() -> Vec<Mutant> {
         own(Nothing, "right: glass from inside", 125.0, false, false),
         own(Directions, "refractions that end on the same side kept", 100.0, true, false),
         own(Directions, "reflection chosen by the surface's Fresnel term", 45.0, false, true),
-        Mutant::of("refraction's density without η²", Directions, 45.0, &glass).with_pdf(move |wo, wi| a.pdf(wo, wi) / if wi.z < 0.0 { 2.25 } else { 1.0 }),
-        Mutant::of("inside has the lobes of outside", Directions, 125.0, &glass).with_pdf(move |wo, wi| 0.5 * b.pdf(wo, wi)),
-        Mutant::of("light from behind ignored by the density", Directions, 125.0, &glass).with_pdf(move |wo, wi| if wi.z > 0.0 { 0.0 } else { c.pdf(wo, wi) }),
-        Mutant::of("weights without 1/η²", Weights, 45.0, &glass).with_samples(|s, _| Some(BsdfSample { weight: s.weight * s.eta2, ..s })),
+        Mutant::of("refraction's density without η²", Directions, 45.0, &glass)
+            .with_pdf(move |wo, wi| a.pdf(wo, wi) / if wi.z < 0.0 { 2.25 } else { 1.0 }),
+        Mutant::of("inside has the lobes of outside", Directions, 125.0, &glass)
+            .with_pdf(move |wo, wi| 0.5 * b.pdf(wo, wi)),
+        Mutant::of("light from behind ignored by the density", Directions, 125.0, &glass)
+            .with_pdf(move |wo, wi| if wi.z > 0.0 { 0.0 } else { c.pdf(wo, wi) }),
+        Mutant::of("weights without 1/η²", Weights, 45.0, &glass)
+            .with_samples(|s, _| Some(BsdfSample { weight: s.weight * s.eta2, ..s })),
     ]
 }
 
 /// Rough glass of index 1.5 with mistakes to choose from.
-fn refracted(facets: &Microfacets, wo: Vec3, random: &mut Random, keep: bool, by_surface: bool) -> Option<Vec3> {
+fn refracted(
+    facets: &Microfacets,
+    wo: Vec3,
+    random: &mut Random,
+    keep: bool,
+    by_surface: bool,
+) -> Option<Vec3> {
     let h = facets.sample_visible(wo, random.pair());
     let eta = if wo.z > 0.0 { 1.5 } else { 1.0 / 1.5 };
     let cos = wo.dot(h);
     // In the frame of the facet the refraction is that of a plane.
-    let flat = |cos: f32| bent(Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos), eta).map(|t| t.z.abs());
+    let flat =
+        |cos: f32| bent(Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos), eta).map(|t| t.z.abs());
     let fresnel = |cos: f32| {
         let cos = cos.abs();
-        flat(cos).map_or(1.0, |t| 0.5 * (((cos - eta * t) / (cos + eta * t)).powi(2) + ((eta * cos - t) / (eta * cos + t)).powi(2)))
+        flat(cos).map_or(1.0, |t| {
+            0.5 * (((cos - eta * t) / (cos + eta * t)).powi(2) + ((eta * cos - t) / (eta * cos + t)).powi(2))
+        })
     };
     let wi = if random.unit() < fresnel(if by_surface { wo.z } else { cos }) {
         let wi = (h * (2.0 * cos) - wo).normalize();
@@ -239,7 +285,10 @@ fn wrong_samplers_are_found() {
             wrong.push(mutant.name);
         }
     }
-    println!("{}", table(&["sampler", "found by", "p (χ²)", "∫ pdf", "p (mean)", "largest weight", ""], &rows));
+    println!(
+        "{}",
+        table(&["sampler", "found by", "p (χ²)", "∫ pdf", "p (mean)", "largest weight", ""], &rows)
+    );
     println!("level {level:.1e}");
     assert!(wrong.is_empty(), "{wrong:?}");
 }

@@ -21,9 +21,11 @@ fn still(material: &str, lamp: &str, lights: &str) -> String {
     )
 }
 
-const LAMP: &str = r#", "lamp": {"center": [-2, 3, 2.5], "radius": 0.9, "material": "gray", "emission": [6, 5, 4]}"#;
+const LAMP: &str =
+    r#", "lamp": {"center": [-2, 3, 2.5], "radius": 0.9, "material": "gray", "emission": [6, 5, 4]}"#;
 const SKY: &str = r#""sky": {"type": "environment", "radiance": [0.5, 0.6, 0.7]}"#;
-const SUN: &str = r#""sun": {"type": "sun", "direction": [1, -2, -1.5], "irradiance": [2, 2, 1.8], "angular_size": 20}"#;
+const SUN: &str =
+    r#""sun": {"type": "sun", "direction": [1, -2, -1.5], "irradiance": [2, 2, 1.8], "angular_size": 20}"#;
 
 /// Scenes whose light is found in every way with a bearable noise.
 fn scenes() -> Vec<(&'static str, String)> {
@@ -47,7 +49,14 @@ fn scenes() -> Vec<(&'static str, String)> {
 }
 
 fn shot() -> Shot {
-    Shot { side: 24, spp: 512, max_depth: 8, roulette_depth: 64, vfov: 34.0, ..Shot::from(DVec3::new(2.0, 1.5, 4.0)) }
+    Shot {
+        side: 24,
+        spp: 512,
+        max_depth: 8,
+        roulette_depth: 64,
+        vfov: 34.0,
+        ..Shot::from(DVec3::new(2.0, 1.5, 4.0))
+    }
 }
 
 /// Largest distance of two pictures' tiles of 8 × 8 pixels in standard errors, each error from all pixels of both tiles.
@@ -92,11 +101,17 @@ fn light_by_scattering_by_sampling_and_by_both_is_the_same() {
                 format!("{tile:.1}"),
             ]);
             if apart.abs() > limit || tile > limit {
-                wrong.push(format!("{name}, {strategy:?}: {:+.2} %, {apart:+.1} errors, a tile {tile:.1}", part * 100.0));
+                wrong.push(format!(
+                    "{name}, {strategy:?}: {:+.2} %, {apart:+.1} errors, a tile {tile:.1}",
+                    part * 100.0
+                ));
             }
         }
     }
-    println!("limit {limit:.1} standard errors\n{}", table(&["against both", "mean", "±", "in errors", "farthest tile"], &rows));
+    println!(
+        "limit {limit:.1} standard errors\n{}",
+        table(&["against both", "mean", "±", "in errors", "farthest tile"], &rows)
+    );
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
@@ -108,7 +123,10 @@ fn roulette_changes_noise_only() {
         let with = |roulette_depth, seed| Shot { seed, roulette_depth, max_depth: 16, ..shot() }.take(body);
         let (on, off) = (with(1, 3 * at as u32), with(64, 3 * at as u32 + 1));
         let (apart, tile) = (on.apart(&off), farthest_tile(&on, &off));
-        println!("{name}: {:+.3} %, {apart:+.1} errors, farthest tile {tile:.1}, limit {limit:.1}", (on.mean / off.mean - 1.0) * 100.0);
+        println!(
+            "{name}: {:+.3} %, {apart:+.1} errors, farthest tile {tile:.1}, limit {limit:.1}",
+            (on.mean / off.mean - 1.0) * 100.0
+        );
         assert!(apart.abs() < limit && tile < limit, "{name}");
         let (rays_on, rays_off) = (on.film.summary().counters.rays, off.film.summary().counters.rays);
         assert!(rays_on < rays_off, "{name}: roulette ended no path: {rays_on} rays against {rays_off}");

@@ -64,7 +64,14 @@ impl Partition {
         tree
     }
 
-    fn grow(&mut self, points: &mut [[f64; 2]], rect: &Rect, axis: usize, cell: Option<u32>, grain: Grain) -> u32 {
+    fn grow(
+        &mut self,
+        points: &mut [[f64; 2]],
+        rect: &Rect,
+        axis: usize,
+        cell: Option<u32>,
+        grain: Grain,
+    ) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node::Cell(cell.unwrap_or(self.cells)));
         let cell = if cell.is_none() && points.len() <= grain.cell {
@@ -139,12 +146,18 @@ fn median(points: &mut [[f64; 2]], axis: usize, rect: &Rect) -> Option<f64> {
 
 #[test]
 fn the_plane_keeps_directions_and_areas() {
-    for w in [Vec3::new(0.6, 0.0, 0.8), Vec3::new(1e-6, -2e-6, 1.0), Vec3::new(0.3, -0.4, -0.866_025_4), Vec3::new(0.0, 1.0, 1e-5)] {
+    for w in [
+        Vec3::new(0.6, 0.0, 0.8),
+        Vec3::new(1e-6, -2e-6, 1.0),
+        Vec3::new(0.3, -0.4, -0.866_025_4),
+        Vec3::new(0.0, 1.0, 1e-5),
+    ] {
         let back = to_sphere(to_plane(w));
         assert!((back - w).abs().max_element() < 1e-6 * w.abs().max_element(), "{w} {back}");
         assert!(((back - w).x / w.x.max(1e-30)).abs() < 1e-5 || w.x <= 0.0, "{w} {back}");
     }
-    let directions: Vec<Vec3> = (0_u16..4096).map(|i| to_sphere([f64::from(i) / 2048.0, f64::from(i % 61) / 10.0])).collect();
+    let directions: Vec<Vec3> =
+        (0_u16..4096).map(|i| to_sphere([f64::from(i) / 2048.0, f64::from(i % 61) / 10.0])).collect();
     let partition = Partition::new(&directions, Grain { cell: 64, leaf: 16 });
     let areas = partition.integrals(&|_| 1.0, 4.0 * std::f64::consts::PI);
     assert!(areas.iter().all(|a| *a > 0.0));

@@ -49,7 +49,11 @@ impl Rect {
         if (sums[axis] - whole).abs() <= tolerance || depth == 0 {
             return sums[axis];
         }
-        halves[axis].iter().zip(parts[axis]).map(|(half, part)| half.refined(f, part, tolerance, depth - 1)).sum()
+        halves[axis]
+            .iter()
+            .zip(parts[axis])
+            .map(|(half, part)| half.refined(f, part, tolerance, depth - 1))
+            .sum()
     }
 }
 

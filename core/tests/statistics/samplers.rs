@@ -15,7 +15,8 @@ struct Row {
 
 fn rows(effort: Effort) -> Vec<Row> {
     let cases = grid();
-    let trials = cases.iter().enumerate().flat_map(|(at, case)| views().map(|(degrees, wo)| (at, case, degrees, wo)));
+    let trials =
+        cases.iter().enumerate().flat_map(|(at, case)| views().map(|(degrees, wo)| (at, case, degrees, wo)));
     trials
         .map(|(at, case, degrees_off, wo)| {
             let seed = effort.seed.wrapping_mul(0x1_0001).wrapping_add(at as u64 * 1009 + degrees_off as u64);
@@ -32,14 +33,38 @@ fn judge(effort: Effort) {
     let n = f64::from(effort.samples);
     println!(
         "{} samplers from {} sides, {} samples each; {} tests at level {level:.2e}: a false alarm in one of {:.0} runs",
-        rows.len() / 4, 4, effort.samples, 2 * rows.len(), 1.0 / FAMILY
+        rows.len() / 4,
+        4,
+        effort.samples,
+        2 * rows.len(),
+        1.0 / FAMILY
     );
     println!(
         "power: a density wrong by ±{:.2} % over halves of the sphere's cells fails in one of two runs; a mean weight wrong by {:.1} standard errors",
-        100.0 * detectable(level, cells, n), limit_of(level)
+        100.0 * detectable(level, cells, n),
+        limit_of(level)
     );
     let shown: Vec<Vec<String>> = rows.iter().map(cells_of).collect();
-    println!("{}", table(&["sampler", "wo", "cells", "p (χ²)", "∫ pdf", "single", "mean weight", "±", "∫ value", "p (mean)", "largest", "differ"], &shown));
+    println!(
+        "{}",
+        table(
+            &[
+                "sampler",
+                "wo",
+                "cells",
+                "p (χ²)",
+                "∫ pdf",
+                "single",
+                "mean weight",
+                "±",
+                "∫ value",
+                "p (mean)",
+                "largest",
+                "differ"
+            ],
+            &shown
+        )
+    );
     let mut wrong: Vec<String> = Vec::new();
     for Row { name, degrees_off, outcome } in &rows {
         let mut say = |what: String| wrong.push(format!("{name} at {degrees_off}°: {what}"));
@@ -47,16 +72,25 @@ fn judge(effort: Effort) {
             say(format!("directions do not have the density that pdf() says, p = {:.1e}", outcome.verdict.p));
         }
         if outcome.albedo_p() < level {
-            say(format!("mean weight {:.5} ± {:.5}, value integrates to {:.5}", outcome.mean.0, outcome.mean.1, outcome.albedo));
+            say(format!(
+                "mean weight {:.5} ± {:.5}, value integrates to {:.5}",
+                outcome.mean.0, outcome.mean.1, outcome.albedo
+            ));
         }
         if outcome.mass > 1.003 {
             say(format!("density integrates to {:.4}", outcome.mass));
         }
         if outcome.broken > 0 {
-            say(format!("{} samples are not finite, not of unit length, or where pdf() is 0", outcome.broken));
+            say(format!(
+                "{} samples are not finite, not of unit length, or where pdf() is 0",
+                outcome.broken
+            ));
         }
         if outcome.inconsistent > 2e-3 {
-            say(format!("{:.2} % of the samples have another weight or density than eval() and pdf() say", 100.0 * outcome.inconsistent));
+            say(format!(
+                "{:.2} % of the samples have another weight or density than eval() and pdf() say",
+                100.0 * outcome.inconsistent
+            ));
         }
     }
     assert!(wrong.is_empty(), "{} of {} failed\n{}", wrong.len(), rows.len(), wrong.join("\n"));

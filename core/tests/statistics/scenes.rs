@@ -24,7 +24,17 @@ pub(crate) struct Shot {
 impl Shot {
     /// From `eye` to the origin.
     pub(crate) fn from(eye: DVec3) -> Self {
-        Self { side: 16, spp: 256, seed: 1, max_depth: 64, roulette_depth: 5, vfov: 30.0, eye, target: DVec3::ZERO, up: DVec3::Y }
+        Self {
+            side: 16,
+            spp: 256,
+            seed: 1,
+            max_depth: 64,
+            roulette_depth: 5,
+            vfov: 30.0,
+            eye,
+            target: DVec3::ZERO,
+            up: DVec3::Y,
+        }
     }
 
     /// The document with these members.
@@ -63,7 +73,8 @@ impl Shot {
         let right = self.up.cross(z).normalize();
         let half = libm::tan(0.5 * self.vfov.to_radians());
         let side = f64::from(self.side);
-        (right * (half * (2.0 * x / side - 1.0)) - z.cross(right) * (half * (2.0 * y / side - 1.0)) - z).normalize()
+        (right * (half * (2.0 * x / side - 1.0)) - z.cross(right) * (half * (2.0 * y / side - 1.0)) - z)
+            .normalize()
     }
 }
 

@@ -108,7 +108,9 @@ pub(crate) fn run(of: &dyn Scatterer, wo: Vec3, effort: Effort) -> Outcome {
     // What has no density: absorbed, dropped, or in a lobe of a single direction.
     expected.push((1.0 - mass).max(0.0) * n);
     tally.counts.push(u64::from(effort.samples - tally.scattered));
-    if expected.last().is_none_or(|e| *e < BLUR * n) && tally.counts.last().is_none_or(|c| *c as f64 <= BLUR * n) {
+    if expected.last().is_none_or(|e| *e < BLUR * n)
+        && tally.counts.last().is_none_or(|c| *c as f64 <= BLUR * n)
+    {
         expected.pop();
         tally.counts.pop();
     }
@@ -170,7 +172,16 @@ struct Tally {
 
 impl Tally {
     fn new(cells: usize) -> Self {
-        Self { counts: vec![0; cells], scattered: 0, single: 0, sum: 0.0, squares: 0.0, largest: 0.0, inconsistent: 0, broken: 0 }
+        Self {
+            counts: vec![0; cells],
+            scattered: 0,
+            single: 0,
+            sum: 0.0,
+            squares: 0.0,
+            largest: 0.0,
+            inconsistent: 0,
+            broken: 0,
+        }
     }
 
     fn add(&mut self, of: &dyn Scatterer, wo: Vec3, sample: Option<BsdfSample>, partition: &Partition) {
