@@ -212,10 +212,11 @@ fn light_goes_both_ways_alike() {
             errors.sort_by(f64::total_cmp);
             let cells = [0.5, 0.99, 1.0].map(|share| format!("{:.1e}", quantile(&errors, share)));
             rows.push([vec![format!("{side}, {name}"), errors.len().to_string()], cells.to_vec()].concat());
-            // Where a refraction's facet is nearly seen from its edge, f32 has no digits of the cosine left: few values, and
-            // dark ones, of which the last percent is left out.
-            let share = if side == "reflection" { 1.0 } else { 0.99 };
-            assert!(quantile(&errors, share) <= limit, "{name}, {side}: {:.1e}", quantile(&errors, share));
+            // A refraction through a facet that is seen from its edge, or near total reflection, has few digits left in f32:
+            // it is dark, and an index on the wrong side would double the median.
+            let worst = if side == "reflection" { quantile(&errors, 1.0) } else { quantile(&errors, 0.5) };
+            assert!(worst <= limit, "{name}, {side}: {worst:.1e}");
+            assert!(quantile(&errors, 0.99) <= 1e-3, "{name}, {side}: p99 {:.1e}", quantile(&errors, 0.99));
         }
     }
     println!(

@@ -49,12 +49,12 @@ pub(crate) struct Effort {
 
 impl Effort {
     /// For every run.
-    pub(crate) const SHORT: Self = Self { samples: 1 << 17, pilot: 1 << 14, seed: 1 };
+    pub(crate) const SHORT: Self = Self { samples: 1 << 17, pilot: 1 << 13, seed: 1 };
     /// For nights.
     pub(crate) const LONG: Self = Self { samples: 1 << 22, pilot: 1 << 18, seed: 1 };
 
     fn grain(&self) -> Grain {
-        Grain { cell: (self.pilot / 128) as usize, leaf: 8 }
+        Grain { cell: (self.pilot / 128) as usize, leaf: 6 }
     }
 }
 

@@ -15,6 +15,8 @@ pub struct Conserving {
 const NODES: usize = 65;
 /// Samples of each.
 const SAMPLES: u32 = 2048;
+/// What an estimated albedo is multiplied by.
+const MARGIN: f32 = 1.01;
 
 /// The cosine of a node: its distance from the middle, squared.
 fn cosine(node: usize) -> f32 {
@@ -26,8 +28,9 @@ fn cosine(node: usize) -> f32 {
 impl Conserving {
     /// The factors of a model, which must not have any yet.
     pub fn new(model: &Principled) -> Self {
-        let factors =
-            (0..NODES).map(|node| Vec3::ONE / model.greatest_albedo(cosine(node)).max(Vec3::ONE)).collect();
+        // More than what the estimate and the steps between nodes may be off by.
+        let greatest = |node| model.greatest_albedo(cosine(node)) * MARGIN;
+        let factors = (0..NODES).map(|node| Vec3::ONE / greatest(node).max(Vec3::ONE)).collect();
         Self { factors }
     }
 
