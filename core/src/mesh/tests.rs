@@ -247,7 +247,7 @@ fn ply_strips_are_refused_instead_of_lost() {
 #[test]
 fn what_is_written_is_what_is_read() {
     let mut mesh = square();
-    mesh.positions[2] = Vec3::new(f32::MIN_POSITIVE, 3.3e8, -0.0);
+    mesh.positions[2] = Vec3::new(1.0e3, 1.1e3, -f32::MIN_POSITIVE);
     for (normals, uvs) in [(true, true), (true, false), (false, true), (false, false)] {
         let mut mesh = mesh.clone();
         if !normals {

@@ -121,8 +121,8 @@ fn opaque_balls_show_their_albedo() {
 }
 
 /// Nodes of the cosine and of the angle between planes, for light that goes to and fro in a ball of glass.
-const COSINES: usize = 96;
-const ANGLES: u32 = 96;
+const COSINES: usize = 192;
+const ANGLES: u32 = 192;
 
 /// Radiance that leaves a ball of glass in a white sky, by the cosine at which it is seen.
 ///
