@@ -23,7 +23,8 @@ const SCENE: &str = "<scene version='3.0.0'>
 fn folder(fog: bool) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("from/parts")).unwrap();
-    let scene = if fog { SCENE.replace("<!-- fog -->", "<medium type='homogeneous'/>") } else { SCENE.to_owned() };
+    let scene =
+        if fog { SCENE.replace("<!-- fog -->", "<medium type='homogeneous'/>") } else { SCENE.to_owned() };
     std::fs::write(folder.path().join("from/scene.xml"), scene).unwrap();
     let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
     std::fs::write(folder.path().join("from/parts/tri.obj"), mesh).unwrap();
@@ -63,7 +64,9 @@ fn files(folder: &Path) -> Vec<String> {
 fn a_document_gets_its_files() {
     let folder = folder(false);
     let at = folder.path();
-    let said: Value = serde_json::from_str(&done(at, &["convert", "from/scene.xml", "-o", "to/it/scene.json", "--json"])).unwrap();
+    let said: Value =
+        serde_json::from_str(&done(at, &["convert", "from/scene.xml", "-o", "to/it/scene.json", "--json"]))
+            .unwrap();
     assert_eq!((&said["event"], &said["notes"]), (&"converted".into(), &serde_json::json!([])));
     assert_eq!(files(&at.join("to")), ["it/meshes/cube.ply", "it/meshes/tri.obj", "it/scene.json"]);
     done(at, &["check", "to/it/scene.json"]);
@@ -77,7 +80,8 @@ fn files_in_the_folder_stay_where_they_are() {
     let at = folder.path();
     done(at, &["convert", "from/scene.xml", "-o", "from/scene.json"]);
     assert_eq!(files(&at.join("from")), ["meshes/cube.ply", "parts/tri.obj", "scene.json", "scene.xml"]);
-    let document: Value = serde_json::from_slice(&std::fs::read(at.join("from/scene.json")).unwrap()).unwrap();
+    let document: Value =
+        serde_json::from_slice(&std::fs::read(at.join("from/scene.json")).unwrap()).unwrap();
     assert_eq!(document["meshes"]["tri"]["file"], "parts/tri.obj");
     done(at, &["check", "from/scene.json"]);
 }
@@ -122,7 +126,11 @@ fn other_commands_take_the_scene_as_it_is() {
     done(at, &["render", "to/scene.json", "-o", "converted.exr"]);
     let output = karst(at, &["render", "from/scene.xml", "-o", "direct.exr"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    assert!(stderr(&output).starts_with("from/scene.xml:10: not translated: the medium"), "{}", stderr(&output));
+    assert!(
+        stderr(&output).starts_with("from/scene.xml:10: not translated: the medium"),
+        "{}",
+        stderr(&output)
+    );
     let read = |name: &str| std::fs::read(at.join(name)).unwrap();
     assert!(read("direct.exr") == read("converted.exr"), "the same bits either way");
     let checked: Value = serde_json::from_str(&done(at, &["check", "from/scene.xml", "--json"])).unwrap();

@@ -143,7 +143,9 @@ mod tests {
     fn renamed_assets_do_not_meet() {
         let mut converted = Converted {
             document: json!({"meshes": {"a": {"file": "m/a.ply"}, "b": {"file": "m/a-2.ply"}}, "lights": {"image": "t.exr"}}),
-            assets: ["m/a.ply", "m/a-2.ply", "t.exr"].map(|name| (name.to_owned(), Asset::Bytes(name.into()))).into(),
+            assets: ["m/a.ply", "m/a-2.ply", "t.exr"]
+                .map(|name| (name.to_owned(), Asset::Bytes(name.into())))
+                .into(),
             notes: Vec::new(),
         };
         converted.rename_assets(|name, _| match name {
