@@ -254,4 +254,24 @@ mod tests {
         let number = Number::Texture(board);
         assert_eq!([number.at(here), number.at(there)], [0.2126, 0.7152]);
     }
+
+    #[test]
+    fn a_gradient_is_the_change_by_u_and_by_v() {
+        let mut png = Cursor::new(Vec::new());
+        let file = image::GrayImage::from_fn(8, 8, |x, y| image::Luma([(20 * x + 7 * (7 - y)) as u8]));
+        file.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let image = Texture::Image(ImageTexture {
+            image: Arc::new(Image::read(&png.into_inner(), 64).unwrap()),
+            color_space: ColorSpace::Linear,
+            channel: Channel::Luminance,
+            wrap: Wrap::Clamp,
+            filter: TextureFilter::Bilinear,
+            transform: Affine2::from_scale(Vec2::new(0.5, 1.0)),
+        });
+        // 20 and 7 steps of 1/255 a texel, eight texels a unit, half as many along u.
+        let found = Number::Texture(Arc::new(image)).gradient(Vec2::new(0.9, 0.4));
+        let expected = Vec2::new(80.0, 56.0) / 255.0;
+        assert!((found - expected).abs().max_element() < 1.0e-5, "{found}, expected {expected}");
+        assert_eq!(Number::Constant(3.0).gradient(Vec2::ONE), Vec2::ZERO);
+    }
 }
