@@ -29,7 +29,7 @@ fn case_15_a_triangle_light_of_any_solid_angle() {
         // Counter-clockwise as seen from below, where the receiver is.
         let triangle = [corner(0.0, distance), corner(2.0 * third, distance), corner(third, distance)];
         let want = solid_angle(triangle);
-        let (lights, _) = mesh_lights(&[triangle.map(|p| p.as_vec3())], Vec3::ONE);
+        let (lights, _) = mesh_lights(&[triangle.map(DVec3::as_vec3)], Vec3::ONE);
         let from = Receiver { p: Vec3::ZERO, n: Vec3::ZERO };
         let mut random = Random::new(15);
         let (mut sum, n) = (0.0, 1 << 16);

@@ -88,13 +88,13 @@ fn case_11_sizes_and_places_far_apart() {
     for (center, radius) in [(1e4, 1.0), (1e6, 1.0), (0.0, 1e-4), (0.0, 1e5), (100.0, 1e-2)] {
         let at = DVec3::new(center, 0.0, 0.0);
         let other = if radius < 1.0 { 1e5 } else { 1e-4 };
-        // The other ball stays behind the camera, too far to darken the sky by more than a thousandth.
+        // The other ball stays behind the camera, so far away that it takes nothing from the sky.
         let members = format!(
             r#""materials": {{"m": {GRAY}}}, "spheres": {{"ball": {{"center": {}, "radius": {radius:?}, "material": "m"}},
             "other": {{"center": {}, "radius": {other:?}, "material": "m"}}}},
             "lights": {{"sky": {{"type": "environment", "radiance": [1, 1, 1]}}}}"#,
             list(at),
-            list(DVec3::new(center, 0.0, 40.0 * other + 100.0 * radius)),
+            list(DVec3::new(center, 0.0, 200.0 * other + 100.0 * radius)),
         );
         let distance = 4.0;
         let shot = Shot {

@@ -64,8 +64,8 @@ pub(crate) fn principled(p: &Disney) -> Bsdf {
 }
 
 /// Facets of a distribution with widths along x and y.
-pub(crate) fn facets(distribution: Distribution, x: f32, y: f32) -> Option<Microfacets> {
-    Some(Microfacets::new(distribution, Vec2::new(x, y)))
+pub(crate) fn facets(distribution: Distribution, x: f32, y: f32) -> Microfacets {
+    Microfacets::new(distribution, Vec2::new(x, y))
 }
 
 /// Where a material is seen from: the cosine, and an azimuth that no symmetry hides.
@@ -192,13 +192,13 @@ fn dielectrics() -> Vec<(&'static str, Bsdf)> {
     let (reflectance, transmittance) = (Vec3::ONE, Vec3::splat(0.8));
     vec![
         ("dielectric smooth", glass(1.5, None)),
-        ("dielectric ggx 0.1", glass(1.5, facets(ggx, 0.1, 0.1))),
-        ("dielectric ggx 0.5", glass(1.5, facets(ggx, 0.5, 0.5))),
-        ("dielectric ggx 1 × 0.1", glass(1.33, facets(ggx, 1.0, 0.1))),
-        ("dielectric ggx 0.3, ior 0.6", glass(0.6, facets(ggx, 0.3, 0.3))),
-        ("dielectric ggx 0.3, ior 1.05", glass(1.05, facets(ggx, 0.3, 0.3))),
-        ("dielectric beckmann 0.05", glass(1.5, facets(beckmann, 0.05, 0.05))),
-        ("dielectric beckmann 0.5", glass(1.5, facets(beckmann, 0.5, 0.5))),
+        ("dielectric ggx 0.1", glass(1.5, Some(facets(ggx, 0.1, 0.1)))),
+        ("dielectric ggx 0.5", glass(1.5, Some(facets(ggx, 0.5, 0.5)))),
+        ("dielectric ggx 1 × 0.1", glass(1.33, Some(facets(ggx, 1.0, 0.1)))),
+        ("dielectric ggx 0.3, ior 0.6", glass(0.6, Some(facets(ggx, 0.3, 0.3)))),
+        ("dielectric ggx 0.3, ior 1.05", glass(1.05, Some(facets(ggx, 0.3, 0.3)))),
+        ("dielectric beckmann 0.05", glass(1.5, Some(facets(beckmann, 0.05, 0.05)))),
+        ("dielectric beckmann 0.5", glass(1.5, Some(facets(beckmann, 0.5, 0.5)))),
         ("thin_dielectric", Bsdf::ThinDielectric(ThinDielectric { ior: 1.5, reflectance, transmittance })),
     ]
 }
@@ -215,15 +215,15 @@ fn opaque() -> Vec<(&'static str, Bsdf)> {
         ("diffuse", Bsdf::Diffuse(Diffuse { reflectance: Vec3::from_array(BROWN) })),
         ("mirror", Bsdf::Mirror(Mirror { reflectance: Vec3::splat(0.9) })),
         ("conductor smooth", metal(gold, None)),
-        ("conductor ggx 0.3", metal(gold, facets(ggx, 0.3, 0.3))),
-        ("conductor ggx 0.02", metal(gold, facets(ggx, 0.02, 0.02))),
-        ("conductor ggx 0.0001", metal(None, facets(ggx, 0.0001, 0.0001))),
-        ("conductor ggx 1", metal(None, facets(ggx, 1.0, 1.0))),
-        ("conductor ggx 0.5 × 0.05", metal(gold, facets(ggx, 0.5, 0.05))),
-        ("conductor beckmann 0.1", metal(gold, facets(beckmann, 0.1, 0.1))),
-        ("conductor beckmann 1", metal(None, facets(beckmann, 1.0, 1.0))),
+        ("conductor ggx 0.3", metal(gold, Some(facets(ggx, 0.3, 0.3)))),
+        ("conductor ggx 0.02", metal(gold, Some(facets(ggx, 0.02, 0.02)))),
+        ("conductor ggx 0.0001", metal(None, Some(facets(ggx, 0.0001, 0.0001)))),
+        ("conductor ggx 1", metal(None, Some(facets(ggx, 1.0, 1.0)))),
+        ("conductor ggx 0.5 × 0.05", metal(gold, Some(facets(ggx, 0.5, 0.05)))),
+        ("conductor beckmann 0.1", metal(gold, Some(facets(beckmann, 0.1, 0.1)))),
+        ("conductor beckmann 1", metal(None, Some(facets(beckmann, 1.0, 1.0)))),
         ("plastic smooth", plastic(None, false)),
-        ("plastic ggx 0.1", plastic(facets(ggx, 0.1, 0.1), true)),
-        ("plastic beckmann 0.4", plastic(facets(beckmann, 0.4, 0.4), false)),
+        ("plastic ggx 0.1", plastic(Some(facets(ggx, 0.1, 0.1)), true)),
+        ("plastic beckmann 0.4", plastic(Some(facets(beckmann, 0.4, 0.4)), false)),
     ]
 }

@@ -195,7 +195,7 @@ fn dielectric(cos: f64, eta: f64) -> f64 {
     let inner = rest.sqrt();
     let s = (cos - eta * inner) / (cos + eta * inner);
     let p = (eta * cos - inner) / (eta * cos + inner);
-    (s * s + p * p) / 2.0
+    f64::midpoint(s * s, p * p)
 }
 
 fn normal(eta: f64) -> f64 {
