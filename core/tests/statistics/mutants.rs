@@ -206,7 +206,7 @@ fn reflections() -> Vec<Mutant> {
 fn refractions() -> Vec<Mutant> {
     use Finder::{Directions, Nothing, Weights};
     let glass = set(Disney { specular_transmission: 1.0, roughness: 0.8, ..Disney::PLAIN });
-    let wide = facets(Distribution::Ggx, 0.64, 0.64).unwrap_or_else(|| panic!("facets"));
+    let wide = facets(Distribution::Ggx, 0.64, 0.64);
     let own = |finder, name, degrees, keep: bool, by_surface: bool| {
         Mutant::of(name, finder, degrees, &glass)
             .with_directions(move |wo, random| refracted(&wide, wo, random, keep, by_surface))
