@@ -54,10 +54,8 @@ impl Placing {
         let floor = self.square(DVec3::splat(12.0), -90.0, DVec3::ZERO);
         let lamp = |width: f64, x: f64, name: &str| {
             let place = self.square(DVec3::new(width, 1.0, 1.0), 90.0, DVec3::new(x, 3.0, 0.5));
-            // Under the mirror the corners run the other way round.
-            let flip = self.turn.determinant() < 0.0;
             format!(
-                r#""{name}": {{"mesh": "square", "material": "gray", "transform": {place}, "emission": [8, 7, 6], "flip_normals": {flip}}}"#
+                r#""{name}": {{"mesh": "square", "material": "gray", "transform": {place}, "emission": [8, 7, 6]}}"#
             )
         };
         let lamps = if self.halves {
@@ -103,7 +101,10 @@ impl Placing {
     }
 }
 
-/// Same mean within the noise of both, and within a thousandth for f32 coordinates.
+/// Most by which the mean of the same random numbers changes where only the unit does.
+const SAME: f64 = 1e-3;
+
+/// Same mean within the noise of both.
 fn alike(name: &str, a: &Shown, b: &Shown) {
     let part = b.mean / a.mean - 1.0;
     println!(
@@ -139,7 +140,18 @@ fn units_places_and_turns_do_not_show() {
     }
 }
 
-/// The test sees a lamp that is two hundredths larger, and a light that does not scale with the scene.
+/// With the same random numbers another unit changes rounding only: here the noise hides nothing.
+#[test]
+fn another_unit_changes_rounding_only() {
+    let here = HERE.take(1);
+    for scale in [1e3, 1e-3] {
+        let part = Placing { scale, ..HERE }.take(1).mean / here.mean - 1.0;
+        println!("scale {scale}: {:+.4} %", part * 100.0);
+        assert!(part.abs() < SAME, "scale {scale}: {part}");
+    }
+}
+
+/// The comparison sees a light that does not scale with the scene, by two hundredths.
 #[test]
 fn a_changed_scene_does_show() {
     let here = HERE.take(1);
@@ -151,7 +163,7 @@ fn a_changed_scene_does_show() {
     let shot = Shot {
         side: 32,
         spp: 256,
-        seed: 2,
+        seed: 1,
         max_depth: 8,
         vfov: 40.0,
         ..Shot::from(DVec3::new(0.5, 2.0, 6.0) * 1.02)
@@ -164,6 +176,6 @@ fn a_changed_scene_does_show() {
     )
     .unwrap();
     let shown = shot.take_in(folder.path(), &members);
-    println!("{:+.1} standard errors", shown.apart(&here));
-    assert!(shown.apart(&here).abs() > 4.9, "{} against {}", shown.mean, here.mean);
+    println!("{:+.3} %", (shown.mean / here.mean - 1.0) * 100.0);
+    assert!((shown.mean / here.mean - 1.0).abs() > 2.0 * SAME, "{} against {}", shown.mean, here.mean);
 }
