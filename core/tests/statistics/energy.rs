@@ -1,7 +1,7 @@
 //! Owns how much light materials send back: the model's own gain, reported, and that conserving models have none.
 
 use super::albedos::albedo;
-use super::materials::{everything, parameters, sets, view};
+use super::materials::{parameters, sets, view};
 use super::oracle::Disney;
 use super::partition::{Grain, Partition};
 use super::random::Random;
@@ -65,7 +65,6 @@ fn the_gain_of_the_model_is_what_its_equations_give() {
 #[test]
 fn conserving_models_gain_nothing() {
     let mut all = sets();
-    all.push(("everything", everything()));
     all.push((
         "white everything",
         Disney {
