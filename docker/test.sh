@@ -6,10 +6,10 @@ root="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)"
 
 usage() {
   cat <<'TEXT'
-usage: docker/test.sh [--image NAME] [--engine podman|docker] [--build-arg KEY=VALUE…] [--scene FILE] [--expect SHA256]
+usage: docker/test.sh [--image NAME] [--engine podman|docker] [--build-arg KEY=VALUE…] [--scene FILE] [--frame N] [--expect SHA256]
 
-Without --image, builds karst:test first, with the build arguments given. The scene (scenes/cornell.json) must be one
-frame; its EXR's sha256 is printed, and held against --expect. Exit code 0 when everything was as it should be.
+Without --image, builds karst:test first, with the build arguments given. Of the scene (scenes/cornell.json) one frame
+is rendered (1); its EXR's sha256 is printed, and held against --expect. Exit code 0 when everything was as it should be.
 TEXT
 }
 
@@ -20,12 +20,13 @@ fail() {
   exit 1
 }
 
-image="" engine=podman scene="$root/scenes/cornell.json" expect="" build_args=()
+image="" engine=podman scene="$root/scenes/cornell.json" frame=1 expect="" build_args=()
 while [ $# -gt 0 ]; do
   case "$1" in
     --image) image="${2:?--image NAME}" && shift 2 ;;
     --engine) engine="${2:?--engine podman|docker}" && shift 2 ;;
     --scene) scene="$(realpath -- "${2:?--scene FILE}")" && shift 2 ;;
+    --frame) frame="${2:?--frame N}" && shift 2 ;;
     --expect) expect="${2:?--expect SHA256}" && shift 2 ;;
     --build-arg) build_args+=(--build-arg "${2:?--build-arg KEY=VALUE}") && shift 2 ;;
     -h | --help) usage && exit 0 ;;
@@ -129,7 +130,7 @@ mkdir "$work/out"
 begin=$(date +%s%N)
 # As whoever calls this script, so that the pictures are theirs.
 "$engine" run --rm --init --user "$(id -u):$(id -g)" "${as_client[@]}" -v "$(dirname "$scene"):/scenes:ro" -v "$work/out:/out" \
-  --entrypoint karst "$image" submit "/scenes/$(basename "$scene")" --wait -o /out >&2
+  --entrypoint karst "$image" submit "/scenes/$(basename "$scene")" --frame "$frame" --wait -o /out >&2
 say "$((($(date +%s%N) - begin) / 1000000)) ms from submit to the picture"
 pictures=("$work"/out/*.exr)
 if [ ${#pictures[@]} != 1 ] || [ ! -s "${pictures[0]}" ]; then fail "expected one EXR, found: ${pictures[*]}"; fi
