@@ -15,8 +15,8 @@ const SIGNATURE: &[u8] = b"#?RADIANCE";
 
 /// Reads a file of at most `left` texels.
 pub(super) fn read(bytes: &[u8], left: u64) -> Result<Image, ImageError> {
-    let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
-    let decoder = HdrDecoder::new(SIGNATURE.chain(&bytes[end..]))?;
+    // What follows the name on its line, here the line of the file itself, is skipped.
+    let decoder = HdrDecoder::new(SIGNATURE.chain(bytes))?;
     let (width, height) = decoder.dimensions();
     check_size(width, height, left)?;
     let texels = DynamicImage::from_decoder(decoder)?.into_rgb32f().into_raw();

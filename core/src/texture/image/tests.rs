@@ -233,10 +233,10 @@ fn exr_texels_that_are_not_finite_are_named_and_refused() {
             let (good, mut green) = (kind(&[1.0; 6]), [1.0; 6]);
             green[5] = bad;
             let channels = [("R", good.clone()), ("G", kind(&green)), ("B", good)];
-            let error = Image::read(&exr((3, 2), &channels, plain(Compression::ZIP1)), LEFT).unwrap_err();
+            let error = Image::read(&exr((2, 3), &channels, plain(Compression::ZIP1)), LEFT).unwrap_err();
             let text = error.to_string();
             assert!(
-                text.contains("texel (2, 1)") && text.contains(&format!("{bad} in channel G")),
+                text.contains("texel (1, 2)") && text.contains(&format!("{bad} in channel G")),
                 "{bad}: {text}"
             );
         }
