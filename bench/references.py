@@ -4,19 +4,21 @@
 usage: bench/references.py --scenes DIR [--spp 256] [--seed 0] [--bin DIR] [--keep DIR] [NAME…]
 
 DIR has one folder a scene: scene.xml, reference.exr and reference.json with the reference's own relMSE. Each is
-converted as it is and rendered; a row of a Markdown table says how far the pooled means lie apart (in per cent, with the
-standard error of both pictures together, and their ratio), the relMSE to the reference beside the sum of what both pictures
-say of their own error, and the mean FLIP. Scenes that are not converted in whole are listed with the reason.
+converted as it is and rendered twice, with two seeds; a row of a Markdown table says how far the pooled means lie apart
+(in per cent, with the standard error of both pictures together, and their ratio), the relMSE to the reference beside the
+sum of the noise of both pictures (that of karst's from the second rendering, the reference's as it is given), and the
+mean FLIP. Scenes that are not converted in whole are listed with the reason.
 """
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
 import tempfile
 import time
 
-HEAD = """| scene | spp | seconds | mean difference | standard errors | relMSE | own errors | ratio | FLIP |
+HEAD = """| scene | spp | seconds | mean difference | standard errors | relMSE | noise of both | ratio | FLIP |
 |---|---|---|---|---|---|---|---|---|"""
 
 
@@ -38,23 +40,24 @@ def own_error(folder):
 def row(name, folder, work, options):
     """The row of a scene."""
     karst = os.path.join(options.bin, "karst")
-    document, picture, report = (os.path.join(work, f"{name}{end}") for end in ("/scene.json", ".exr", ".json"))
+    document, picture, repeat = (os.path.join(work, f"{name}{end}") for end in ("/scene.json", ".exr", "-repeat.exr"))
     os.makedirs(os.path.dirname(document), exist_ok=True)
     run(karst, "convert", os.path.join(folder, "scene.xml"), "-o", document, "--strict")
     begin = time.monotonic()
-    run(karst, "render", document, "--spp", options.spp, "--seed", options.seed, "-o", picture, "--report", report)
+    run(karst, "render", document, "--spp", options.spp, "--seed", options.seed, "-o", picture)
     seconds = time.monotonic() - begin
-    with open(report, encoding="utf-8") as file:
-        about = json.load(file)
+    run(karst, "render", document, "--spp", options.spp, "--seed", options.seed + 1, "-o", repeat)
     reference = own_error(folder)
-    found = json.loads(run(karst, "compare", picture, os.path.join(folder, "reference.exr"), "--json"))
+    found = json.loads(
+        run(karst, "compare", picture, os.path.join(folder, "reference.exr"), "--json",
+            "--repeat", repeat, "--reference-error", math.sqrt(reference))
+    )
     difference, error = found["mean_rel_diff"], found["mean_rel_diff_stderr"]
-    own = about["rel_mse"] + reference
-    flip = found.get("flip_mean")
+    noise = found["rel_mse_expected"] - reference
     return (
         f"| {name} | {options.spp} | {seconds:.0f} | {100 * difference:+.3f} ± {100 * error:.3f} % "
-        f"| {abs(difference) / error:.1f} | {found['rel_mse']:.3e} | {about['rel_mse']:.2e} + {reference:.2e} "
-        f"| {found['rel_mse'] / own:.2f} | {'–' if flip is None else f'{flip:.4f}'} |"
+        f"| {abs(difference) / error:.1f} | {found['rel_mse']:.3e} | {noise:.2e} + {reference:.2e} "
+        f"| {found['rel_mse_ratio']:.2f} | {found['flip_mean']:.4f} |"
     )
 
 

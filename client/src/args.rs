@@ -237,8 +237,8 @@ Prints, with --json under these names:
   mse                   mean((a-b)²)
   rel_mse               mean((a-b)²/(b²+0.01))
   rel_mse_corrected     rel_mse without the part of the reference, with --reference-error
-  rel_mse_expected      what noise alone would make of it: A's own estimate of its relMSE, from the file, and that of the
-                        reference, from --reference-error or the file; null where one of them is unknown
+  rel_mse_expected      what noise alone would make of it: that of A, from --repeat or as A's own estimate from the file,
+                        and that of the reference, from --reference-error or the file; null where one of them is unknown
   rel_mse_ratio         rel_mse / rel_mse_expected; well above 1 where the pictures differ in more than noise
   mean_rel_diff         mean(a)/mean(b) - 1
   mean_rel_diff_stderr  its standard error, from the spread of the pixels' differences: the noise of both pictures is in
@@ -257,6 +257,10 @@ pub(crate) struct CompareArgs {
     /// Error of the reference itself, the root of its relMSE: its square is taken off the relMSE.
     #[arg(long, value_name = "E", value_parser = positive)]
     pub(crate) reference_error: Option<f64>,
+    /// A rendered once more with another seed: what both differ by is the noise of A, weighed like the relMSE. The
+    /// estimate in the file is relative to A itself and too small where single bright samples stand out of the dark.
+    #[arg(long, value_name = "A2.exr")]
+    pub(crate) repeat: Option<PathBuf>,
     /// Layer to compare, as in `Denoised`: the beauty unless given.
     #[arg(long, value_name = "NAME")]
     pub(crate) layer: Option<String>,

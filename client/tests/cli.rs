@@ -150,6 +150,28 @@ fn a_brighter_picture_is_measured() {
 }
 
 #[test]
+fn noise_is_known_from_a_second_picture_of_the_same_scene() {
+    // Noise of ±0.2 and ±0.1 in turn, the other way round in the second picture; one bright sample in the dark.
+    let spark = |index: usize| if index == 5 { 30.0 } else { 0.0 };
+    let files = pair(
+        |index| [[1.2, 0.9][index % 2] + spark(index); 3],
+        |index| [if index == 5 { 0.0 } else { 1.0 }; 3],
+    );
+    let repeat = format!("{}2", files.a);
+    exr(Path::new(&repeat), 4, |index| [[0.8, 1.1][index % 2]; 3]);
+    let found = compared(&[&files.a, &files.b, "--repeat", &repeat, "--reference-error", "0.125"]);
+    let differences = [0.4, 0.2, 0.4, 0.2, 0.4, 0.0, 0.4, 0.2].map(|d: f64| d * d / 1.01).iter().sum::<f64>();
+    let dark = 29.8 * 29.8 / 0.01;
+    let expected = (differences + dark) / 8.0 / 2.0 + 0.015_625;
+    let value = found["rel_mse_expected"].as_f64().unwrap();
+    assert!((value / expected - 1.0).abs() < 1e-5, "{value}, expected {expected}");
+
+    exr(Path::new(&repeat), 2, |_| [1.0; 3]);
+    let other = karst(&["compare", &files.a, &files.b, "--repeat", &repeat]);
+    assert!(stderr(&other).contains("cannot compare: "), "{}", stderr(&other));
+}
+
+#[test]
 fn what_noise_alone_would_make_of_it_comes_from_the_files() {
     let files = pair(|index| [[1.2, 0.9][index % 2]; 3], |_| [1.0; 3]);
     let known = |path: &str, rel_mse: f64, color: f32| {

@@ -7,7 +7,6 @@ mod error;
 mod gltf;
 mod mitsuba;
 mod note;
-mod ply;
 mod text;
 
 use std::collections::{BTreeMap, BTreeSet};

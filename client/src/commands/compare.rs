@@ -8,7 +8,7 @@ use karst_core::math::powf;
 use serde_json::{Value, json};
 
 use crate::args::CompareArgs;
-use crate::difference::{Difference, Pixels, Tile, difference, flip_mean, picture, worst_tiles};
+use crate::difference::{Difference, Pixels, Tile, difference, flip_mean, noise, picture, worst_tiles};
 use crate::talk::Talk;
 
 pub(super) fn run(args: &CompareArgs, talk: Talk) -> Result<(), Error> {
@@ -16,23 +16,23 @@ pub(super) fn run(args: &CompareArgs, talk: Talk) -> Result<(), Error> {
     let reference_layer = args.reference_layer.as_ref().or(args.layer.as_ref());
     let (image_b, b) = read(&args.b, reference_layer.map(String::as_str))?;
     let (width, height) = (image_a.width, image_a.height);
-    if (width, height) != (image_b.width, image_b.height) {
-        return Err(Error::Usage(format!(
-            "cannot compare: {} is {width}x{height}, {} is {}x{}",
-            args.a.display(),
-            args.b.display(),
-            image_b.width,
-            image_b.height
-        )));
-    }
+    same_size(&args.a, &image_a, &args.b, &image_b)?;
     let (digest_a, digest_b) = (digest(&a), digest(&b));
     let (a, b) = (brighten(a, args.exposure), brighten(b, args.exposure));
     let found = difference(&a, &b);
+    let own = match &args.repeat {
+        Some(path) => {
+            let (image, repeat) = read(path, args.layer.as_deref())?;
+            same_size(&args.a, &image_a, path, &image)?;
+            Some(noise(&a, &brighten(repeat, args.exposure), &b))
+        }
+        None => own_rel_mse(&image_a, args.layer.as_deref()),
+    };
     let reference = args.reference_error.map(|error| error * error);
     let figures = Figures {
         corrected: reference.map(|reference| (found.rel_mse - reference).max(0.0)),
         expected: expected(
-            own_rel_mse(&image_a, args.layer.as_deref()),
+            own,
             reference.or_else(|| own_rel_mse(&image_b, reference_layer.map(String::as_str))),
         ),
         flip_mean: flip_mean(&a, &b, width, height),
@@ -51,6 +51,19 @@ pub(super) fn run(args: &CompareArgs, talk: Talk) -> Result<(), Error> {
     object["sha256_b"] = digest_b.into();
     talk.result(&figures.table(), &object);
     Ok(())
+}
+
+/// # Errors
+/// Pictures of different sizes cannot be compared.
+fn same_size(path_a: &Path, a: &ExrImage, path_b: &Path, b: &ExrImage) -> Result<(), Error> {
+    if (a.width, a.height) == (b.width, b.height) {
+        return Ok(());
+    }
+    let (path_a, path_b) = (path_a.display(), path_b.display());
+    Err(Error::Usage(format!(
+        "cannot compare: {path_a} is {}x{}, {path_b} is {}x{}",
+        a.width, a.height, b.width, b.height
+    )))
 }
 
 /// All that is known about two pictures.

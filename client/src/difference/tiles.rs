@@ -43,7 +43,7 @@ pub(crate) fn worst_tiles(a: &[[f32; 3]], b: &[[f32; 3]], width: usize) -> Vec<T
 fn mean(pixels: impl Iterator<Item = ([f64; 3], [f64; 3])>) -> f64 {
     let (mut sum, mut values) = (0.0, 0.0_f64);
     for (a, b) in pixels.filter(|(a, b)| a.iter().chain(b).all(|x| x.is_finite())) {
-        sum += a.into_iter().zip(b).map(|(a, b)| relative_square(a, b)).sum::<f64>();
+        sum += a.into_iter().zip(b).map(|(a, b)| relative_square(a - b, b)).sum::<f64>();
         values += 3.0;
     }
     sum / values.max(1.0)

@@ -5,10 +5,8 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use glam::DVec3;
-use karst_core::mesh;
+use karst_core::mesh::{self, Mesh};
 use karst_core::scene::Limits;
-
-use crate::ply::Triangles;
 
 /// Longest header of a PLY file, in bytes.
 const MAX_HEADER: u64 = 1 << 16;
@@ -40,7 +38,7 @@ pub(super) fn in_file(path: &Path, kind: &str) -> Result<bool, String> {
 
 /// A mesh file with normals that are means over the triangles at a vertex, weighed by their angles there (Thürmer and
 /// Wüthrich 1998).
-pub(super) fn smooth(path: &Path) -> Result<Triangles, String> {
+pub(super) fn smooth(path: &Path) -> Result<Mesh, String> {
     let name = path.display().to_string();
     let wrong = |error: &dyn std::fmt::Display| format!("file {name:?}: {error}");
     let limits = Limits::default();
@@ -60,7 +58,7 @@ pub(super) fn smooth(path: &Path) -> Result<Triangles, String> {
         }
     }
     let normals = sums.into_iter().map(|sum| sum.try_normalize().unwrap_or(DVec3::X).as_vec3()).collect();
-    Ok(Triangles { positions: mesh.positions, normals, uvs: mesh.uvs, corners: mesh.triangles })
+    Ok(Mesh { normals, ..mesh })
 }
 
 #[cfg(test)]

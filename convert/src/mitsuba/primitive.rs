@@ -3,8 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
-
-use crate::ply::Triangles;
+use karst_core::mesh::Mesh;
 
 /// Segments around a circle.
 const AROUND: u32 = 256;
@@ -12,20 +11,20 @@ const AROUND: u32 = 256;
 const DOWN: u32 = 128;
 
 /// Adds a vertex; v runs downwards in Mitsuba and upwards here.
-fn push(mesh: &mut Triangles, position: DVec3, normal: DVec3, uv: DVec2) {
+fn push(mesh: &mut Mesh, position: DVec3, normal: DVec3, uv: DVec2) {
     mesh.positions.push(position.as_vec3());
     mesh.normals.push(normal.as_vec3());
     mesh.uvs.push(DVec2::new(uv.x, 1.0 - uv.y).as_vec2());
 }
 
 /// Adds the two triangles of a quadrilateral.
-fn quad(mesh: &mut Triangles, [a, b, c, d]: [u32; 4]) {
-    mesh.corners.extend([[a, b, c], [a, c, d]]);
+fn quad(mesh: &mut Mesh, [a, b, c, d]: [u32; 4]) {
+    mesh.triangles.extend([[a, b, c], [a, c, d]]);
 }
 
 /// The square from (−1, −1, 0) to (1, 1, 0), facing z.
-pub(super) fn rectangle() -> Triangles {
-    let mut mesh = Triangles::default();
+pub(super) fn rectangle() -> Mesh {
+    let mut mesh = Mesh::default();
     for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
         push(&mut mesh, DVec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 0.0), DVec3::Z, DVec2::new(u, v));
     }
@@ -44,8 +43,8 @@ const FACES: [([[i8; 3]; 4], [i8; 3]); 6] = [
 ];
 
 /// The cube from −1 to 1.
-pub(super) fn cube() -> Triangles {
-    let mut mesh = Triangles::default();
+pub(super) fn cube() -> Mesh {
+    let mut mesh = Mesh::default();
     let vector = |v: [i8; 3]| DVec3::from_array(v.map(f64::from));
     for (corners, normal) in FACES {
         let first = mesh.positions.len() as u32;
@@ -63,8 +62,8 @@ fn circle(turn: f64) -> DVec2 {
 }
 
 /// The unit disk in the plane z = 0, facing z; u is the distance from the middle, v the angle.
-pub(super) fn disk() -> Triangles {
-    let mut mesh = Triangles::default();
+pub(super) fn disk() -> Mesh {
+    let mut mesh = Mesh::default();
     for segment in 0..AROUND {
         let first = mesh.positions.len() as u32;
         let turn = |part: f64| (f64::from(segment) + part) / f64::from(AROUND);
@@ -72,14 +71,14 @@ pub(super) fn disk() -> Triangles {
         for part in [0.0, 1.0] {
             push(&mut mesh, circle(turn(part)).extend(0.0), DVec3::Z, DVec2::new(1.0, turn(part)));
         }
-        mesh.corners.push([first, first + 1, first + 2]);
+        mesh.triangles.push([first, first + 1, first + 2]);
     }
     mesh
 }
 
 /// The cylinder of radius 1 around z from 0 to 1, open at both ends, facing outwards.
-pub(super) fn cylinder() -> Triangles {
-    let mut mesh = Triangles::default();
+pub(super) fn cylinder() -> Mesh {
+    let mut mesh = Mesh::default();
     for segment in 0..=AROUND {
         let u = f64::from(segment) / f64::from(AROUND);
         let normal = circle(u).extend(0.0);
@@ -95,8 +94,8 @@ pub(super) fn cylinder() -> Triangles {
 }
 
 /// The unit sphere with its poles on z, facing outwards; u is the angle around z from x, v that from z.
-pub(super) fn sphere() -> Triangles {
-    let mut mesh = Triangles::default();
+pub(super) fn sphere() -> Mesh {
+    let mut mesh = Mesh::default();
     for row in 0..=DOWN {
         let v = f64::from(row) / f64::from(DOWN);
         let (height, radius) = (libm::cos(PI * v), libm::sin(PI * v));
@@ -112,10 +111,10 @@ pub(super) fn sphere() -> Triangles {
             let [a, b] = [at(row, column), at(row + 1, column)];
             // At the poles one side of the quadrilateral is a point.
             if row + 1 < DOWN {
-                mesh.corners.push([a, b, b + 1]);
+                mesh.triangles.push([a, b, b + 1]);
             }
             if row > 0 {
-                mesh.corners.push([a, b + 1, a + 1]);
+                mesh.triangles.push([a, b + 1, a + 1]);
             }
         }
     }
@@ -124,16 +123,16 @@ pub(super) fn sphere() -> Triangles {
 
 #[cfg(test)]
 mod tests {
-    use super::{Triangles, cube, cylinder, disk, rectangle, sphere};
+    use super::{Mesh, cube, cylinder, disk, rectangle, sphere};
     use glam::Vec3;
     use std::f32::consts::PI;
 
-    fn area(mesh: &Triangles) -> f32 {
+    fn area(mesh: &Mesh) -> f32 {
         let of = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(|at| mesh.positions[at as usize]);
             (b - a).cross(c - a).length() / 2.0
         };
-        mesh.corners.iter().map(of).sum()
+        mesh.triangles.iter().map(of).sum()
     }
 
     #[test]
@@ -141,7 +140,7 @@ mod tests {
         for (mesh, expected) in
             [(rectangle(), 4.0), (cube(), 24.0), (disk(), PI), (cylinder(), 2.0 * PI), (sphere(), 4.0 * PI)]
         {
-            for corners in &mesh.corners {
+            for corners in &mesh.triangles {
                 let [a, b, c] = corners.map(|at| mesh.positions[at as usize]);
                 let face = (b - a).cross(c - a);
                 assert!(face.length() > 0.0);
@@ -157,7 +156,7 @@ mod tests {
 
     #[test]
     fn texture_coordinates_are_those_of_mitsuba_turned_upwards() {
-        let uv = |mesh: &Triangles, p: Vec3| {
+        let uv = |mesh: &Mesh, p: Vec3| {
             let at = mesh.positions.iter().position(|q| (*q - p).length() < 1e-6).unwrap();
             mesh.uvs[at].to_array()
         };

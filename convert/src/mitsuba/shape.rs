@@ -1,6 +1,7 @@
 //! Owns shapes: meshes from files, and the shapes that have a formula.
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
+use karst_core::mesh::Mesh;
 use serde_json::{Map, Value as Json, json};
 
 use super::bsdf::{default_material, material, uses_uv};
@@ -12,7 +13,6 @@ use super::primitive;
 use super::texture::{ending, unsigned};
 use super::transform::{affine, similarity, tangents};
 use crate::ConvertError;
-use crate::ply::{self, Triangles};
 
 /// How a shape looks, whatever it is.
 struct Look {
@@ -167,7 +167,7 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
     } else {
         let path = if without {
             let smooth = normals::smooth(&source).map_err(|message| place.error(message))?;
-            out.bytes("meshes", &format!("{stem}-smooth.ply"), ply::write(&smooth))
+            out.bytes("meshes", &format!("{stem}-smooth.ply"), smooth.to_ply())
         } else {
             out.file("meshes", &source)
         };
@@ -187,7 +187,7 @@ fn made(
     object: &Object,
     to_world: &DMat4,
     kind: &str,
-    make: fn() -> Triangles,
+    make: fn() -> Mesh,
 ) -> Result<(), ConvertError> {
     let name = out.name(Table::Instances, title(object));
     let mut look = look(out, object, &name)?;
@@ -201,7 +201,7 @@ fn made(
     let mesh = if let Some(mesh) = out.meshes.get(&key) {
         mesh.clone()
     } else {
-        let path = out.bytes("meshes", &format!("{kind}.ply"), ply::write(&make()));
+        let path = out.bytes("meshes", &format!("{kind}.ply"), make().to_ply());
         let mesh = out.name(Table::Meshes, kind);
         out.add(Table::Meshes, mesh.clone(), json!({ "file": path }));
         out.meshes.insert(key, mesh.clone());

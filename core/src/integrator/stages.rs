@@ -123,11 +123,11 @@ fn scattered_weight(scene: &Scene, paths: &Paths, path: usize, light: usize, lig
         return 1.0;
     }
     match scene.strategy() {
-        Strategy::Both => {}
+        Strategy::Both | Strategy::BlindChoice => {}
         Strategy::Scattering => return 1.0,
         Strategy::Lights => return 0.0,
     }
-    power_heuristic(pdf, light_pdf * scene.lights().choice_pdf(&paths.receivers[path], light))
+    power_heuristic(pdf, light_pdf * scene.light_choice_pdf(&paths.receivers[path], light))
 }
 
 /// The power heuristic with exponent 2, written so that large densities give 0 or 1 and never NaN.
@@ -167,7 +167,7 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
         return None;
     }
     let receiver = vertex.receiver();
-    let (light, choice) = scene.lights().choose(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
+    let (light, choice) = scene.choose_light(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
     let sample =
         scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
     let (f, scattered) = vertex.bsdf.scatter(vertex.wo, vertex.to_local(sample.wi)?);
@@ -178,7 +178,7 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
     // No path finds a light without extent by itself.
     let weight = match scene.strategy() {
         _ if sample.delta => 1.0,
-        Strategy::Both => power_heuristic(pdf, scattered),
+        Strategy::Both | Strategy::BlindChoice => power_heuristic(pdf, scattered),
         Strategy::Scattering => return None,
         Strategy::Lights => 1.0,
     };

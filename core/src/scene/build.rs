@@ -11,7 +11,7 @@ use crate::bvh::Bvh;
 use crate::camera::{Camera, Perspective};
 use crate::film::{FilterKind, FrameSize, PixelFilter, Region};
 use crate::light::{
-    self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotFalloff, SpotLight, SunLight,
+    self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotLight, SunLight,
 };
 use crate::math::{Aabb, Transform};
 use crate::mesh::Mesh;
@@ -212,7 +212,7 @@ impl Builder<'_> {
                             *position,
                             *direction,
                             intensity,
-                            spot_falloff(falloff),
+                            falloff,
                         ))
                     })
                 }
@@ -242,14 +242,6 @@ impl Builder<'_> {
         image.map(|image| {
             Light::Environment(EnvironmentLight::image(radiance, image, transform.matrix3, rows_at_poles))
         })
-    }
-}
-
-fn spot_falloff(falloff: doc::Falloff) -> SpotFalloff {
-    match falloff {
-        doc::Falloff::Focus { focus, cutoff_angle } => SpotFalloff::Focus { focus, cutoff_angle },
-        doc::Falloff::Linear { beam_width, cutoff_angle } => SpotFalloff::Linear { beam_width, cutoff_angle },
-        doc::Falloff::Blend { cone_angle, blend } => SpotFalloff::Blend { cone_angle, blend },
     }
 }
 

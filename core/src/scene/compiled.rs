@@ -8,7 +8,7 @@ use crate::bvh::{Bvh, RayBoxes};
 use crate::camera::Camera;
 use crate::color::View;
 use crate::film::{FrameSize, PixelFilter, Region};
-use crate::light::Lights;
+use crate::light::{Lights, Receiver};
 use crate::math::{Aabb, Frame, Ray, offset_origin};
 use crate::sampler::Stream;
 use crate::sdf::MarchStats;
@@ -26,6 +26,8 @@ pub enum Strategy {
     Scattering,
     /// By sampling lights alone, but for what mirrors and cameras see.
     Lights,
+    /// By both, every light chosen as often as any other.
+    BlindChoice,
 }
 
 /// One frame of a scene, ready to be rendered.
@@ -114,6 +116,24 @@ impl Scene {
     /// The random numbers of the frame.
     pub fn stream(&self) -> Stream {
         self.stream
+    }
+
+    /// Chooses a light for a receiver by `u` in [0, 1): its number and the probability of the choice. `None` where no
+    /// light would bring anything.
+    pub(crate) fn choose_light(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
+        if self.strategy != Strategy::BlindChoice {
+            return self.lights.choose(from, u);
+        }
+        let count = self.lights.all().len();
+        (count > 0).then(|| (((u * count as f32) as usize).min(count - 1), 1.0 / count as f32))
+    }
+
+    /// Probability with which [`Scene::choose_light`] takes a light.
+    pub(crate) fn light_choice_pdf(&self, from: &Receiver, index: usize) -> f32 {
+        if self.strategy == Strategy::BlindChoice {
+            return 1.0 / self.lights.all().len() as f32;
+        }
+        self.lights.choice_pdf(from, index)
     }
 
     /// All lights.

@@ -116,6 +116,33 @@ fn light_by_scattering_by_sampling_and_by_both_is_the_same() {
 }
 
 #[test]
+fn lights_chosen_by_the_tree_and_blindly_bring_the_same() {
+    // More lights than are weighed one by one, of many sizes, around a ball of two lobes, and two at infinity.
+    let lamps: String = (0..90)
+        .map(|lamp| {
+            let turn = f64::from(lamp) * 2.4;
+            let (x, y, z) = (2.5 * libm::cos(turn), f64::from(lamp) * 0.04 - 0.9, 2.5 * libm::sin(turn));
+            let radius = 0.01 + 0.004 * f64::from(lamp % 7);
+            format!(
+                r#", "lamp{lamp}": {{"center": [{x}, {y}, {z}], "radius": {radius}, "material": "gray", "emission": [{}, 20, 9]}}"#,
+                10 + lamp % 5 * 8
+            )
+        })
+        .collect();
+    let body = still(r#"{"type": "plastic", "alpha": 0.3}"#, &lamps, &format!("{SKY}, {SUN}"));
+    let limit = limit_of(sidak(FAMILY, 10));
+    let by = |strategy, seed| {
+        let shot = Shot { seed, ..shot() };
+        Shown::of(&shot.scene_in(Path::new("."), &body).with_strategy(strategy))
+    };
+    let (tree, blind) = (by(Strategy::Both, 1), by(Strategy::BlindChoice, 2));
+    let (apart, tile) = (tree.apart(&blind), farthest_tile(&tree, &blind));
+    println!("tree against blind: {apart:+.1} errors, farthest tile {tile:.1}, limit {limit:.1}");
+    assert!(apart.abs() < limit && tile < limit);
+    assert!(tree.error < 0.5 * blind.error, "the tree brings {} against {}", tree.error, blind.error);
+}
+
+#[test]
 fn roulette_changes_noise_only() {
     let scenes: Vec<_> = scenes().into_iter().skip(3).take(3).collect();
     let limit = limit_of(sidak(FAMILY, scenes.len() * 10));

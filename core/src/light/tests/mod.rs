@@ -1,7 +1,6 @@
 //! Tests of the lights against closed forms and quadrature.
 
 mod choice;
-mod cost;
 mod delta;
 mod environment;
 mod surface;

@@ -32,7 +32,7 @@ use std::sync::Arc;
 
 pub use asset::{AssetKind, AssetRef};
 pub use description::{
-    Bounds, Camera, ColorTexture, Components, Crop, Description, Falloff, Film, Filter, Goal, Instance,
+    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance,
     Integrator, Light, LookAt, Material, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
     SdfObject, SdfSettings, Shade, Sphere, Texture,
 };

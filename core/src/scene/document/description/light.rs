@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 
+use crate::light::SpotFalloff;
 use crate::scene::document::asset::AssetKind;
 use crate::scene::document::cursor::Cursor;
 use crate::scene::document::macros::variants;
@@ -66,35 +67,9 @@ variants! {
     }
 }
 
-/// How the intensity of a spotlight falls with the angle off its axis; 0 from the edge on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Falloff {
-    /// max(cos θ, 0) to the power focus², up to an angle in degrees.
-    Focus {
-        /// Square root of the exponent.
-        focus: f32,
-        /// Angle of the edge off the axis, in degrees, at most 90.
-        cutoff_angle: f32,
-    },
-    /// Full, then linear in the angle.
-    Linear {
-        /// Angle off the axis up to which the light is full, in degrees.
-        beam_width: f32,
-        /// Angle of the edge off the axis, in degrees; at least `beam_width`.
-        cutoff_angle: f32,
-    },
-    /// A smoothstep of the cosine.
-    Blend {
-        /// Angle across the whole cone, in degrees.
-        cone_angle: f32,
-        /// Share of the cone that is soft, 0 to 1.
-        blend: f32,
-    },
-}
-
 impl Light {
     /// How a spotlight's intensity falls off; `Err` says which fields contradict each other. Other lights have none.
-    pub(in crate::scene) fn falloff(&self) -> Result<Falloff, &'static str> {
+    pub(in crate::scene) fn falloff(&self) -> Result<SpotFalloff, &'static str> {
         let Self::Spotlight { focus, cutoff_angle, beam_width, cone_angle, blend, .. } = *self else {
             return Err("only a spotlight has a falloff");
         };
@@ -102,17 +77,17 @@ impl Light {
             (_, None, None) if blend.is_some() => Err("\"blend\" has a meaning only with \"cone_angle\""),
             (_, None, None) => {
                 let cutoff_angle = cutoff_angle.unwrap_or(90.0).min(90.0);
-                Ok(Falloff::Focus { focus: focus.unwrap_or(1.0), cutoff_angle })
+                Ok(SpotFalloff::Focus { focus: focus.unwrap_or(1.0), cutoff_angle })
             }
             (None, Some(beam_width), None) => match cutoff_angle {
                 None => Err("\"beam_width\" needs \"cutoff_angle\""),
                 Some(edge) if edge < beam_width => Err("\"cutoff_angle\" is less than \"beam_width\""),
-                Some(cutoff_angle) => Ok(Falloff::Linear { beam_width, cutoff_angle }),
+                Some(cutoff_angle) => Ok(SpotFalloff::Linear { beam_width, cutoff_angle }),
             },
             (None, None, Some(_)) if cutoff_angle.is_some() => {
                 Err("\"cone_angle\" and \"cutoff_angle\" both say where the light ends")
             }
-            (None, None, Some(cone_angle)) => Ok(Falloff::Blend { cone_angle, blend: blend.unwrap_or(0.15) }),
+            (None, None, Some(cone_angle)) => Ok(SpotFalloff::Blend { cone_angle, blend: blend.unwrap_or(0.15) }),
             _ => Err("\"focus\", \"beam_width\" and \"cone_angle\" exclude each other"),
         }
     }

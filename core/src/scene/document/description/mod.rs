@@ -9,7 +9,7 @@ mod texture;
 mod transform;
 mod view;
 
-pub use light::{Falloff, Light};
+pub use light::Light;
 pub use material::{Material, Model, Relief};
 pub use sampling::{Goal, Integrator, Sampling};
 pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};

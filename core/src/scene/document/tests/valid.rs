@@ -4,9 +4,10 @@ use glam::{DAffine2, DAffine3, DVec2, DVec3, Vec3};
 
 use super::{frame, parse, scene};
 use crate::color::View;
+use crate::light::SpotFalloff;
 use crate::scene::document::decode::Decode;
 use crate::scene::document::{
-    Camera, ColorTexture, Crop, Document, Falloff, Filter, Goal, Integrator, Light, Limits, Model,
+    Camera, ColorTexture, Crop, Document, Filter, Goal, Integrator, Light, Limits, Model,
     NumberTexture, Sampling, SdfNode, SdfSettings, Texture,
 };
 use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
@@ -98,7 +99,7 @@ fn a_material_has_a_model_and_a_relief() {
 }
 
 /// What a spotlight with these fields is, or what is wrong with it.
-fn spotlight(fields: &str) -> Result<Falloff, String> {
+fn spotlight(fields: &str) -> Result<SpotFalloff, String> {
     let light = format!(r#"{{"type":"spotlight","position":[0,0,0],"direction":[0,-2,0],{fields}}}"#);
     let text = scene(&format!(r#""lights":{{"l":{light}}}"#));
     let document = Document::parse(&text, "scene.json", &Limits::default()).map_err(|p| p.to_string())?;
@@ -108,11 +109,11 @@ fn spotlight(fields: &str) -> Result<Falloff, String> {
 
 #[test]
 fn a_spotlight_has_one_falloff() {
-    let focus = Falloff::Focus { focus: 3.0, cutoff_angle: 90.0 };
+    let focus = SpotFalloff::Focus { focus: 3.0, cutoff_angle: 90.0 };
     assert_eq!(spotlight(r#""radiance":[1,1,1],"focus":3"#), Ok(focus));
-    let linear = Falloff::Linear { beam_width: 10.0, cutoff_angle: 20.0 };
+    let linear = SpotFalloff::Linear { beam_width: 10.0, cutoff_angle: 20.0 };
     assert_eq!(spotlight(r#""intensity":[1,1,1],"beam_width":10,"cutoff_angle":20"#), Ok(linear));
-    let blend = Falloff::Blend { cone_angle: 40.0, blend: 0.5 };
+    let blend = SpotFalloff::Blend { cone_angle: 40.0, blend: 0.5 };
     assert_eq!(spotlight(r#""intensity":[1,1,1],"cone_angle":40,"blend":0.5"#), Ok(blend));
     for (fields, wrong) in [
         (r#""focus":1"#, "either"),
