@@ -330,7 +330,7 @@ fn write_meshes(folder: &Path) {
     };
     write("square.obj", b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
     write("triangle.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    exr::prelude::write_rgb_file(folder.join("sky.exr"), 16, 8, |x, y| texel(x as u32, y as u32).into())
+    exr::prelude::write_rgb_file(folder.join("sky.exr"), 16, 8, |x, y| <(f32, f32, f32)>::from(texel(x as u32, y as u32)))
         .unwrap_or_else(|e| panic!("sky.exr: {e}"));
 }
 

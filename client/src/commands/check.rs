@@ -1,7 +1,7 @@
 //! `karst check`: everything that a render would find wrong, without rendering.
 
 use karst_client::{Error, OpenScene, open_scene, scene_error};
-use karst_core::scene::{AlbedoPeak, Assets, Limits, Problems, Scene};
+use karst_core::scene::{AlbedoPeak, Assets, Limits, Model, Problems, Scene};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -58,7 +58,22 @@ fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
         );
         // Of estimates to half a percent.
         if share > 1.005 {
-            text += "; it gains energy, which \"energy_conserving\": true prevents";
+            text += "; it gains energy";
+            let model = description.materials.get(name).map(|material| &material.model);
+            if let Some(Model::Principled { .. }) = model {
+                text += ", which \"energy_conserving\": true prevents";
+            }
+        }
+    }
+    if !description.media.is_empty() {
+        text += "\nmedia: kept in the document, pictures are made as if space were empty";
+    }
+    let mut dropped = serde_json::Map::new();
+    for (name, entry) in description.meshes.iter() {
+        let count = assets.mesh(&entry.file).map_or(0, |mesh| mesh.mesh.dropped);
+        if count > 0 {
+            let _ = write!(text, "\nmesh {name:?}: {count} triangles without area are left out");
+            dropped.insert(name.to_owned(), count.into());
         }
     }
     let albedo = |peak: &AlbedoPeak| json!({"material": names[peak.material], "albedo": peak.albedo, "angle": peak.angle});
@@ -70,6 +85,7 @@ fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
         "first_frame": frames.first,
         "last_frame": frames.last,
         "files": document.assets().iter().map(|asset| asset.path.as_str()).collect::<Vec<_>>(),
+        "dropped_triangles": dropped,
         "albedo_peaks": peaks.iter().map(albedo).collect::<Vec<_>>(),
     });
     Ok(Found { text, json })

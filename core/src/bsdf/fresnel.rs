@@ -33,9 +33,11 @@ pub(super) fn conductor(cos: f32, eta: Vec3, k: Vec3) -> Vec3 {
     let a2b2 = (t0 * t0 + 4.0 * eta2 * k2).map(f32::sqrt);
     let a = (0.5 * (a2b2 + t0)).max(Vec3::ZERO).map(f32::sqrt);
     let (t1, t2) = (a2b2 + cos2, 2.0 * cos * a);
-    let s = (t1 - t2) / (t1 + t2);
+    // Without an index both sums may vanish.
+    let sum = |a: Vec3, b: Vec3| (a + b).max(Vec3::splat(f32::MIN_POSITIVE));
+    let s = (t1 - t2) / sum(t1, t2);
     let (t3, t4) = (cos2 * a2b2 + sin2 * sin2, t2 * sin2);
-    0.5 * (s + s * (t3 - t4) / (t3 + t4))
+    0.5 * (s + s * (t3 - t4) / sum(t3, t4))
 }
 
 /// Schlick's approximation: from `c0` at normal incidence to 1 at grazing, `c0 + (1 − c0)(1 − cos)⁵`.

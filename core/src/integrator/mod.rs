@@ -37,8 +37,11 @@ pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut C
     for bounce in 0..scene.max_depth() {
         stages::intersect(scene, bounce, paths, counters);
         stages::emit(scene, bounce, paths);
-        stages::observe(scene, paths);
-        if bounce + 1 == scene.max_depth() || paths.active.is_empty() {
+        if bounce + 1 == scene.max_depth() {
+            stages::observe(scene, paths);
+            break;
+        }
+        if paths.active.is_empty() {
             break;
         }
         stages::shade(scene, bounce, paths);

@@ -51,6 +51,9 @@ fn cross(
     let mut found = first;
     paths.crossed[path] = 0.0;
     for crossing in 0..Scene::MAX_CROSSINGS {
+        if !scene.may_be_crossed(&found?) {
+            return found;
+        }
         let ray = paths.rays[path];
         let surface = scene.surface(&ray, &found?, spread);
         let opacity = scene.opacity(&surface);
@@ -63,7 +66,9 @@ fn cross(
         paths.rays[path].o = offset_origin(surface.p, surface.error, surface.ng, ray.d);
         found = scene.intersect(&paths.rays[path], spread, &mut paths.march);
     }
+    // Dark, as for shadow rays: what is behind so many surfaces is not the sky.
     paths.march.exhausted += 1;
+    paths.beta[path] = Vec3::ZERO;
     None
 }
 
@@ -97,23 +102,28 @@ pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.active.truncate(alive);
 }
 
-/// Notes albedo and normal of the first surface that is no mirror and no pane.
+/// Notes the features of surfaces that are not shaded any more: paths end there.
 pub(super) fn observe(scene: &Scene, paths: &mut Paths) {
-    for (at, surface) in paths.surfaces.iter().enumerate() {
+    let surfaces = std::mem::take(&mut paths.surfaces);
+    for (at, surface) in surfaces.iter().enumerate() {
         let path = paths.active[at] as usize;
-        if !paths.unseen[path] {
-            continue;
+        if paths.unseen[path] {
+            note_features(&Vertex::new(scene, surface, -paths.rays[path].d), paths, path);
         }
-        let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
-        if vertex.bsdf.is_delta() {
-            continue;
-        }
-        paths.unseen[path] = false;
-        let facing = 1.0_f32.copysign(vertex.wo.z);
-        let color = (paths.beta[path] * paths.eta2[path]).clamp(Vec3::ZERO, Vec3::ONE);
-        paths.features[path].albedo = vertex.bsdf.albedo(vertex.wo) * color;
-        paths.features[path].normal = vertex.frame.n * facing;
     }
+    paths.surfaces = surfaces;
+}
+
+/// Notes albedo and normal of the first surface of a path that is no mirror and no pane.
+fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize) {
+    if !paths.unseen[path] || vertex.bsdf.is_delta() {
+        return;
+    }
+    paths.unseen[path] = false;
+    let facing = 1.0_f32.copysign(vertex.wo.z);
+    let color = (paths.beta[path] * paths.eta2[path]).clamp(Vec3::ZERO, Vec3::ONE);
+    paths.features[path].albedo = vertex.bsdf.albedo(vertex.wo) * color;
+    paths.features[path].normal = vertex.frame.n * facing;
 }
 
 /// Weight of having found a light by scattering; 1 for camera rays, which no light sampling competes with.
@@ -144,6 +154,7 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
     for (at, surface) in surfaces.iter().enumerate() {
         let path = paths.active[at] as usize;
         let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
+        note_features(&vertex, paths, path);
         if vertex.is_black() {
             continue;
         }

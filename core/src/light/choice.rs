@@ -105,6 +105,7 @@ impl Lights {
                 Light::Triangle(_)
                 | Light::Rectangle(_)
                 | Light::Sphere(_)
+                | Light::Unsampled(_)
                 | Light::Point(_)
                 | Light::Spotlight(_) => return None,
             };
@@ -114,15 +115,17 @@ impl Lights {
 
     /// What light `index` (a surface) sends from its point `q`, whose front has the geometric normal `ng`, back along
     /// the unit direction `d` from `from` to `q`: radiance, and the density per solid angle of having sampled it; the
-    /// choice of the light is not in it. `None` from behind.
+    /// choice of the light is not in it. `None` from behind, and
+    /// where there is no light of this number.
     pub fn emitted(&self, index: usize, from: Vec3, q: Vec3, ng: Vec3, d: Vec3) -> Option<(Vec3, f32)> {
         if d.dot(ng) >= 0.0 {
             return None;
         }
-        match &self.all[index] {
+        match self.all.get(index)? {
             Light::Triangle(l) => Some((l.radiance(), l.pdf(from, q))),
             Light::Rectangle(l) => Some((l.radiance(), l.pdf(from, q))),
             Light::Sphere(l) => Some((l.radiance, l.pdf(from))),
+            Light::Unsampled(radiance) => Some((*radiance, 0.0)),
             Light::Point(_) | Light::Spotlight(_) | Light::Sun(_) | Light::Environment(_) => None,
         }
     }
@@ -133,7 +136,11 @@ impl Lights {
             Light::Spotlight(l) => l.importance(from, self.nearest2),
             Light::Sun(l) => l.importance(from),
             Light::Environment(l) => l.importance(),
-            Light::Triangle(_) | Light::Rectangle(_) | Light::Sphere(_) | Light::Point(_) => 0.0,
+            Light::Triangle(_)
+            | Light::Rectangle(_)
+            | Light::Sphere(_)
+            | Light::Unsampled(_)
+            | Light::Point(_) => 0.0,
         };
         if weight.is_finite() { weight } else { 0.0 }
     }

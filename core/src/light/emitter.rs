@@ -24,6 +24,15 @@ pub(super) struct Emitter {
 }
 
 impl Emitter {
+    /// One that is never chosen.
+    pub(super) const NOTHING: Self = Self {
+        bounds: Aabb { min: Vec3::ZERO, max: Vec3::ZERO },
+        axis: DVec3::Z,
+        full: PI,
+        fade: FRAC_PI_2,
+        intensity: 0.0,
+    };
+
     /// A flat one that shines from its front.
     pub(super) fn front(bounds: Aabb, normal: DVec3, intensity: f64) -> Self {
         Self { bounds, axis: normal, full: 0.0, fade: FRAC_PI_2, intensity }

@@ -41,8 +41,11 @@ pub enum Light {
     Triangle(TriangleLight),
     /// The front side of a rectangle.
     Rectangle(RectangleLight),
-    /// The outside of a sphere, or its inside.
+    /// The outside of a sphere.
     Sphere(SphereLight),
+    /// The front side of a surface that scattered rays find and that is never sampled: the inside of a sphere, and what
+    /// is there in part only. Its radiance, linear Rec.709.
+    Unsampled(Vec3),
     /// A point that shines evenly.
     Point(PointLight),
     /// A point that shines in a direction.
@@ -93,6 +96,7 @@ impl Light {
             Self::Triangle(l) => l.sample(from, u),
             Self::Rectangle(l) => l.sample(from, u),
             Self::Sphere(l) => l.sample(from, u),
+            Self::Unsampled(_) => None,
             Self::Point(l) => l.sample(from),
             Self::Spotlight(l) => l.sample(from),
             Self::Sun(l) => Some(l.sample(u)),
@@ -106,6 +110,7 @@ impl Light {
             Self::Triangle(l) => Some(l.emitter()),
             Self::Rectangle(l) => Some(l.emitter()),
             Self::Sphere(l) => Some(l.emitter()),
+            Self::Unsampled(_) => Some(Emitter::NOTHING),
             Self::Point(l) => Some(l.emitter()),
             Self::Spotlight(l) => Some(l.emitter()),
             Self::Sun(_) | Self::Environment(_) => None,

@@ -17,26 +17,22 @@ pub struct SphereLight {
     pub radius: f32,
     /// Radiance, linear Rec.709.
     pub radiance: Vec3,
-    /// Sends its light inwards: such a sphere is found by scattered rays only.
-    pub inward: bool,
 }
 
 impl SphereLight {
     pub(super) fn emitter(&self) -> Emitter {
         let radius = f64::from(self.radius);
-        let outward = if self.inward { 0.0 } else { f64::from(luminance(self.radiance)) };
         let bounds = Aabb { min: self.center - self.radius, max: self.center + self.radius };
-        Emitter::everywhere(bounds, outward * PI * radius * radius)
+        Emitter::everywhere(bounds, f64::from(luminance(self.radiance)) * PI * radius * radius)
     }
 
-    /// The vector to the centre, and 1 − cos of the half angle under which the sphere is seen; `None` from inside, or
-    /// when it shines inwards.
+    /// The vector to the centre, and 1 − cos of the half angle under which the sphere is seen; `None` from inside.
     fn cone(&self, p: Vec3) -> Option<(DVec3, f32)> {
         let towards = self.center.as_dvec3() - p.as_dvec3();
         let radius = f64::from(self.radius);
         let sin2 = radius * radius / towards.length_squared();
         let one_minus_cos = (sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt())) as f32;
-        (sin2 < 1.0 && one_minus_cos > 0.0 && !self.inward).then_some((towards, one_minus_cos))
+        (sin2 < 1.0 && one_minus_cos > 0.0).then_some((towards, one_minus_cos))
     }
 
     pub(super) fn sample(&self, from: &Receiver, u: Vec2) -> Option<LightSample> {

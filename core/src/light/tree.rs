@@ -92,11 +92,16 @@ impl Tree {
     /// Adds the node over one or more items and everything below it: its number.
     fn build(&mut self, items: &mut [Item], parent: Option<Place>, depth: u32) -> u32 {
         let number = self.nodes.len() as u32;
-        let mut groups = vec![Group::new(items)];
+        // What fits into one node needs no halves.
+        let mut groups: Vec<Group<'_>> = if items.len() <= WIDTH {
+            items.chunks_mut(1).map(Group::new).collect()
+        } else {
+            vec![Group::new(items)]
+        };
         while groups.len() < WIDTH {
             let largest = (0..groups.len())
                 .filter(|&i| groups[i].items.len() > 1)
-                .max_by(|&a, &b| groups[a].size().partial_cmp(&groups[b].size()).unwrap_or(Ordering::Equal));
+                .max_by(|&a, &b| groups[a].size.partial_cmp(&groups[b].size).unwrap_or(Ordering::Equal));
             let Some(largest) = largest else { break };
             let items = groups.swap_remove(largest).items;
             let middle = split(items, depth < Self::BY_COST);
@@ -299,17 +304,15 @@ fn pick(weights: impl Iterator<Item = f32>, u: f64, total: f64) -> Option<(usize
 struct Group<'a> {
     items: &'a mut [Item],
     whole: Emitter,
+    /// How urgent it is to split it.
+    size: (f64, usize),
 }
 
 impl<'a> Group<'a> {
     fn new(items: &'a mut [Item]) -> Self {
         let whole = union(items);
-        Self { items, whole }
-    }
-
-    /// How urgent it is to split it.
-    fn size(&self) -> (f64, usize) {
-        (self.whole.cost(), self.items.len())
+        let size = (whole.cost(), items.len());
+        Self { items, whole, size }
     }
 }
 
@@ -325,10 +328,21 @@ fn split(items: &mut [Item], by_cost: bool) -> usize {
     });
     let best = if by_cost { best_plane(items, low, high) } else { None };
     let Some((axis, last)) = best else { return items.len() / 2 };
-    items.sort_by_key(|item| bucket(item, axis, low, high) > last);
-    let middle = items.partition_point(|item| bucket(item, axis, low, high) <= last);
+    let middle = partition(items, |item| bucket(item, axis, low, high) <= last);
     // Centres so far apart that their distance overflows all share a bucket.
     if middle == 0 || middle == items.len() { items.len() / 2 } else { middle }
+}
+
+/// Brings the items of the first half to the front: their number.
+fn partition(items: &mut [Item], is_first: impl Fn(&Item) -> bool) -> usize {
+    let mut middle = 0;
+    for at in 0..items.len() {
+        if is_first(&items[at]) {
+            items.swap(middle, at);
+            middle += 1;
+        }
+    }
+    middle
 }
 
 /// Which part of the extent of all centres an item's centre is in.

@@ -35,7 +35,8 @@ impl Mesh {
         let corners = self.triangles[triangle].map(|i| i as usize);
         let [p0, p1, p2] = corners.map(|i| self.positions[i]);
         let [n0, n1, n2] = corners.map(|i| self.normals[i]);
-        1.0_f32.copysign((p1 - p0).cross(p2 - p0).dot(n0 + n1 + n2))
+        // Not by the sign bit: normals of length 0 say nothing, and their product may be −0.
+        if (p1 - p0).cross(p2 - p0).dot(n0 + n1 + n2) < 0.0 { -1.0 } else { 1.0 }
     }
 }
 

@@ -104,6 +104,13 @@ impl Builder<'_> {
         Some(Camera::new(view, frame_size(self.description)))
     }
 
+    /// Whether surfaces of a material are there in part only. Sampling a point of a light does not know which part that
+    /// is, so that such lights are left to scattered rays.
+    fn has_holes(&self, material: &str) -> bool {
+        let number = self.description.materials.index_of(material).unwrap_or(0);
+        self.materials.get(number).is_some_and(|material| material.opacity.is_some())
+    }
+
     /// Adds an object and the lights that its primitives are; `lights` has one number for each primitive.
     fn add(&mut self, shape: Shape, material: &str, flip: bool, lights: &[u32]) {
         let emitter = (!lights.is_empty()).then_some(self.emitters.len() as u32);
@@ -126,10 +133,13 @@ impl Builder<'_> {
             if mesh.mesh.triangles.is_empty() {
                 continue;
             }
-            let lights = if instance.emission.max_element() > 0.0 {
-                self.mesh_lights(&mesh.mesh, &transform, entry.face_normals, instance)
-            } else {
+            let lights = if instance.emission.max_element() <= 0.0 {
                 Vec::new()
+            } else if self.has_holes(&instance.material) {
+                self.lights.push(Light::Unsampled(instance.emission));
+                vec![self.lights.len() as u32 - 1; mesh.mesh.triangles.len()]
+            } else {
+                self.mesh_lights(&mesh.mesh, &transform, entry.face_normals, instance)
             };
             let shape = Shape::Mesh { mesh, transform, flat: entry.face_normals, flip_v: entry.flip_v };
             self.add(shape, &instance.material, instance.flip_normals, &lights);
@@ -165,12 +175,11 @@ impl Builder<'_> {
             let mut lights = Vec::new();
             if emission.max_element() > 0.0 {
                 lights.push(self.lights.len() as u32);
-                self.lights.push(Light::Sphere(SphereLight {
-                    center,
-                    radius,
-                    radiance: emission,
-                    inward: flip_normals,
-                }));
+                self.lights.push(if flip_normals || self.has_holes(&sphere.material) {
+                    Light::Unsampled(emission)
+                } else {
+                    Light::Sphere(SphereLight { center, radius, radiance: emission })
+                });
             }
             self.add(Shape::Sphere { center, radius }, &sphere.material, flip_normals, &lights);
         }

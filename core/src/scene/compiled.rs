@@ -214,6 +214,11 @@ impl Scene {
         self.material(surface).opacity_at(surface.uv)
     }
 
+    /// Whether what is hit may be there in part only; otherwise its opacity is 1.
+    pub fn may_be_crossed(&self, hit: &Hit) -> bool {
+        self.materials[self.objects[hit.object as usize].material as usize].opacity.is_some()
+    }
+
     /// Most surfaces that a ray crosses because they are there in part only.
     pub const MAX_CROSSINGS: u32 = 1024;
 
@@ -226,6 +231,9 @@ impl Scene {
         let (mut rest, mut through) = (*ray, 1.0);
         for _ in 0..Self::MAX_CROSSINGS {
             let Some(hit) = self.intersect(&rest, 0.0, stats) else { return through };
+            if !self.may_be_crossed(&hit) {
+                return 0.0;
+            }
             let surface = self.surface(&rest, &hit, 0.0);
             through *= 1.0 - self.opacity(&surface);
             if through <= 0.0 {

@@ -271,7 +271,9 @@ impl Material {
         let mut n = surface.ns;
         if let Some((height, scale)) = &self.bump {
             let slope = height.gradient(surface.uv) * *scale;
-            let bent = (du + n * slope.x).cross(dv + n * slope.y);
+            // Before the bumps the surface is the interpolated one, which the flat triangle's tangents lie across.
+            let raised = |tangent: Vec3, slope: f32| tangent + n * (slope - n.dot(tangent));
+            let bent = raised(du, slope.x).cross(raised(dv, slope.y));
             n = (bent * 1.0_f32.copysign(bent.dot(n))).try_normalize().unwrap_or(n);
         }
         if let Some(map) = &self.normal_map {

@@ -300,14 +300,21 @@ impl Compiler<'_> {
 }
 
 impl PrincipledTextures {
-    /// The factors that keep the model from gaining energy, for a white base where the base colour varies; `None` where
-    /// other parameters vary.
+    /// The factors that keep the model from gaining energy; `None` where another parameter than the base colour varies.
+    ///
+    /// Where that varies, they are those of the bases that reflect most: white, and in each channel the pure colour,
+    /// whose tint (the base in units of its luminance) is the strongest.
     fn conserve(&self) -> Option<Conserving> {
-        let mut constant = self.clone();
-        if let Color::Texture(_) = constant.base_color {
-            constant.base_color = Color::Constant(Vec3::ONE);
-        }
-        constant.is_constant().then(|| Conserving::new(&constant.at(Vec2::ZERO)))
+        let bases = match self.base_color {
+            Color::Constant(base) => vec![base],
+            Color::Texture(_) => vec![Vec3::ONE, Vec3::X, Vec3::Y, Vec3::Z],
+        };
+        let with = |base| Self { base_color: Color::Constant(base), ..self.clone() };
+        let models: Option<Vec<_>> = bases
+            .into_iter()
+            .map(|base| Some(with(base)).filter(Self::is_constant).map(|model| model.at(Vec2::ZERO)))
+            .collect();
+        models.map(|models| Conserving::new(&models))
     }
 }
 

@@ -77,16 +77,72 @@ fn farthest_tile(a: &Shown, b: &Shown) -> f64 {
     farthest
 }
 
+/// Light of meshes (two triangles that make a rectangle, one that does not), of an image of the sky, through holes, and
+/// on normals that lean.
+fn scenes_with_files() -> Vec<(&'static str, String)> {
+    let stage = |material: &str, ball: &str, lamp: &str, lights: &str| {
+        format!(
+            r#""materials": {{"m": {material}, "gray": {{"type": "diffuse", "reflectance": [0.5, 0.4, 0.3]}},
+                "leaf": {{"type": "diffuse", "opacity": {{"type": "checkerboard", "color0": [1, 1, 1], "color1": [0.2, 0.2, 0.2]}}}}}},
+            "meshes": {{"square": {{"file": "square.obj"}}, "triangle": {{"file": "triangle.obj"}}}},
+            "instances": {{{ball} "lamp": {{"mesh": "{lamp}", "material": "gray", "emission": [9, 8, 6],
+                "transform": {{"scale": 1.5, "rotate": [-90, 0, 20], "translate": [-1, 2.5, 1.5]}}}}}},
+            "spheres": {{"ball": {{"center": [0, 0, 0], "radius": 1, "material": "m"}},
+                "floor": {{"center": [0, -51, 0], "radius": 50, "material": "gray"}}}},
+            "lights": {{{lights}}}"#
+        )
+    };
+    let plastic = r#"{"type": "plastic", "alpha": 0.3}"#;
+    let map = r#""sky": {"type": "environment", "image": "sky.exr"}"#;
+    let leaf = r#""leaf": {"mesh": "square", "material": "leaf",
+        "transform": {"scale": 3, "rotate": [-90, 0, 0], "translate": [-2, 1.8, 2]}},"#;
+    let bumps = r#"{"type": "plastic", "alpha": 0.3, "bump_scale": 0.4,
+        "bump": {"type": "fbm", "frequency": 8, "octaves": 2}}"#;
+    vec![
+        ("plastic, rectangle", stage(plastic, "", "square", "")),
+        ("plastic, triangle and constant sky", stage(plastic, "", "triangle", SKY)),
+        ("plastic, image of the sky", stage(plastic, "", "triangle", map)),
+        ("holes between lamp and floor", stage(plastic, leaf, "square", map)),
+        ("bumps, rectangle and image", stage(bumps, "", "square", map)),
+    ]
+}
+
+/// The files that they name.
+fn write_files(folder: &Path) {
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.join(name), text).unwrap_or_else(|e| panic!("{name}: {e}"));
+    };
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+    write("square.obj", &format!("{square}f 1/1 4/4 3/3 2/2\n"));
+    write("triangle.obj", "v 0 0 0\nv 0.3 1 0\nv 1 0.1 0\nf 1 2 3\n");
+    let texel = |x: usize, y: usize| {
+        let bright = if (x, y) == (5, 1) { 30.0_f32 } else { 0.3 };
+        (bright, bright * 0.8, 0.2 + 0.1 * x as f32)
+    };
+    exr::prelude::write_rgb_file(folder.join("sky.exr"), 8, 4, texel).unwrap_or_else(|e| panic!("sky.exr: {e}"));
+}
+
 #[test]
 fn light_by_scattering_by_sampling_and_by_both_is_the_same() {
-    let scenes = scenes();
+    compare_strategies(Path::new("."), &scenes());
+}
+
+#[test]
+fn light_of_meshes_and_images_by_scattering_by_sampling_and_by_both_is_the_same() {
+    let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
+    write_files(folder.path());
+    compare_strategies(folder.path(), &scenes_with_files());
+}
+
+/// Renders every scene in the three ways and holds the means, and those of nine tiles, against each other.
+fn compare_strategies(folder: &Path, scenes: &[(&str, String)]) {
     // Two strategies against both of them, the mean and nine tiles of each.
     let limit = limit_of(sidak(FAMILY, scenes.len() * 2 * 10));
     let (mut rows, mut wrong) = (Vec::new(), Vec::new());
     for (at, (name, body)) in scenes.iter().enumerate() {
         let by = |strategy, seed| {
             let shot = Shot { seed, ..shot() };
-            Shown::of(&shot.scene_in(Path::new("."), body).with_strategy(strategy))
+            Shown::of(&shot.scene_in(folder, body).with_strategy(strategy))
         };
         let both = by(Strategy::Both, 10 * at as u32);
         for (strategy, seed) in [(Strategy::Scattering, 1), (Strategy::Lights, 2)] {

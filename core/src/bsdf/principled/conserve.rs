@@ -26,10 +26,11 @@ fn cosine(node: usize) -> f32 {
 }
 
 impl Conserving {
-    /// The factors of a model, which must not have any yet.
-    pub fn new(model: &Principled) -> Self {
+    /// Factors that serve every one of some models, which must not have any yet.
+    pub fn new(models: &[Principled]) -> Self {
+        let albedos = |node| models.iter().map(move |model| model.greatest_albedo(cosine(node)));
         // More than what the estimate and the steps between nodes may be off by.
-        let greatest = |node| model.greatest_albedo(cosine(node)) * MARGIN;
+        let greatest = |node| albedos(node).fold(Vec3::ZERO, Vec3::max) * MARGIN;
         let factors = (0..NODES).map(|node| Vec3::ONE / greatest(node).max(Vec3::ONE)).collect();
         Self { factors }
     }

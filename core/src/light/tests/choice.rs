@@ -13,8 +13,8 @@ fn one_of_each() -> Vec<Light> {
     vec![
         triangle([Vec3::new(1.0, 0.0, 2.0), Vec3::new(0.0, 1.0, 2.0), Vec3::new(1.0, 1.0, 2.0)]),
         rectangle(Vec3::new(0.0, 0.0, 1.0), [Vec3::Y, Vec3::X]),
-        Light::Sphere(SphereLight { center: -Vec3::X, radius: 0.9, radiance: Vec3::ONE, inward: false }),
-        Light::Sphere(SphereLight { center: Vec3::ZERO, radius: 9.0, radiance: Vec3::ONE, inward: true }),
+        Light::Sphere(SphereLight { center: -Vec3::X, radius: 0.9, radiance: Vec3::ONE }),
+        Light::Unsampled(Vec3::ONE),
         Light::Point(PointLight { position: Vec3::Y, intensity: Vec3::ONE }),
         Light::Spotlight(SpotLight::new(Vec3::Z * 3.0, DVec3::NEG_Z, Vec3::ONE, falloff)),
         Light::Sun(SunLight::new(DVec3::NEG_Z, Vec3::ONE, 0.5)),

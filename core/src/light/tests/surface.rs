@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
 fn sphere(center: Vec3, radius: f32) -> Light {
-    Light::Sphere(SphereLight { center, radius, radiance: Vec3::ONE, inward: false })
+    Light::Sphere(SphereLight { center, radius, radiance: Vec3::ONE })
 }
 
 /// A square of half size 1 in the plane z = 0 that shines towards +z.

@@ -115,6 +115,9 @@ impl Header {
                 ["comment" | "obj_info", ..] | [] => {}
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| unknown())?;
+                    if elements.iter().any(|element| element.name == name) {
+                        return Err(error(format!("found the element {name:?} twice")));
+                    }
                     elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
                 }
                 ["property", ref rest @ ..] => {

@@ -91,7 +91,10 @@ fn read_faces(mesh: &mut Mesh, element: &Element, body: &mut Body<'_>, left: u64
     for face in 0..element.count {
         for property in &element.properties {
             match property.list {
-                Some(_) if is_corners(property) => read_corners(&mut corners, face, property, body)?,
+                Some(_) if is_corners(property) => {
+                    let fits = |more| check_count(mesh.triangles.len() as u64 + more, left);
+                    read_corners(&mut corners, face, property, body, fits)?;
+                }
                 Some(_) => skip_list(property, body)?,
                 None => drop(body.number(property.kind)?),
             }
@@ -99,7 +102,6 @@ fn read_faces(mesh: &mut Mesh, element: &Element, body: &mut Body<'_>, left: u64
         for pair in corners[1..].windows(2) {
             mesh.triangles.push([corners[0], pair[0], pair[1]]);
         }
-        check_count(mesh.triangles.len() as u64, left)?;
     }
     Ok(())
 }
@@ -109,12 +111,14 @@ fn read_corners(
     face: u64,
     list: &Property,
     body: &mut Body<'_>,
+    fits: impl Fn(u64) -> Result<(), MeshError>,
 ) -> Result<(), MeshError> {
     let place = || format!("face {face}");
     let count = body.length(list)?;
     if count < 3 {
         return Err(MeshError::new(place(), format!("found {count} corners, expected at least 3")));
     }
+    fits(count - 2)?;
     corners.clear();
     for _ in 0..count {
         let index = body.number(list.kind)?;

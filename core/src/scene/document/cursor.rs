@@ -21,6 +21,7 @@ pub(super) struct Context<'a> {
     /// Names in the tables that others refer to.
     materials: BTreeSet<&'a str>,
     meshes: BTreeSet<&'a str>,
+    media: BTreeSet<&'a str>,
     /// The frame that is decoded; `None` for the document as it is written.
     frame: Option<i32>,
     pub(super) problems: RefCell<Problems>,
@@ -40,6 +41,7 @@ impl<'a> Context<'a> {
             limits,
             materials: names(Table::Materials),
             meshes: names(Table::Meshes),
+            media: names(Table::Media),
             frame,
             problems: RefCell::default(),
             assets: RefCell::default(),
@@ -73,6 +75,7 @@ impl<'a> Context<'a> {
         match table {
             Table::Materials => &self.materials,
             Table::Meshes => &self.meshes,
+            Table::Media => &self.media,
         }
     }
 }

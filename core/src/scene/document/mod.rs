@@ -33,7 +33,7 @@ use std::sync::Arc;
 pub use asset::{AssetKind, AssetRef};
 pub use description::{
     Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance,
-    Integrator, Light, LookAt, Material, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
+    Integrator, Light, LookAt, Material, Medium, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
     SdfObject, SdfSettings, Shade, Sphere, Texture,
 };
 pub use limits::Limits;

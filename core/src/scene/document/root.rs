@@ -4,11 +4,11 @@ use crate::scene::document::animation::Animation;
 use crate::scene::document::cursor::{Context, Cursor};
 use crate::scene::document::decode::Decode;
 use crate::scene::document::description::{
-    Camera, Description, Film, Instance, Integrator, Light, Material, MeshFile, Sampling, SdfObject, Sphere,
+    Camera, Description, Film, Instance, Integrator, Light, Material, Medium, MeshFile, Sampling, SdfObject, Sphere,
 };
 use crate::scene::document::macros::object;
 use crate::scene::document::named::Named;
-use crate::scene::document::rule::{Allowed, optional, or, required};
+use crate::scene::document::rule::{Allowed, Table, optional, or, required};
 use crate::scene::document::tree::Node;
 
 object! {
@@ -40,6 +40,10 @@ object! {
         sdf_objects: Named<SdfObject> = or(Named::default());
         /// Lights that are not surfaces, by name.
         lights: Named<Light> = or(Named::default());
+        /// What fills space, by name. Documents keep it; pictures are still made as if space were empty.
+        media: Named<Medium> = or(Named::default());
+        /// Name of the medium that is wherever no object's interior is.
+        medium: Option<String> = optional().naming(Table::Media);
         /// What changes from frame to frame.
         animation: Option<Animation> = optional();
     }
@@ -65,6 +69,8 @@ impl Root {
             spheres: self.spheres,
             sdf_objects: self.sdf_objects,
             lights: self.lights,
+            media: self.media,
+            medium: self.medium,
         }
     }
 }

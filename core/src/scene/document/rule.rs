@@ -51,6 +51,7 @@ pub(super) enum Meaning {
 pub(super) enum Table {
     Materials,
     Meshes,
+    Media,
 }
 
 impl Table {
@@ -59,6 +60,7 @@ impl Table {
         match self {
             Self::Materials => "materials",
             Self::Meshes => "meshes",
+            Self::Media => "media",
         }
     }
 
@@ -67,6 +69,7 @@ impl Table {
         match self {
             Self::Materials => "material",
             Self::Meshes => "mesh",
+            Self::Media => "medium",
         }
     }
 }

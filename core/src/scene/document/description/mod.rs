@@ -2,6 +2,7 @@
 
 mod light;
 mod material;
+mod medium;
 mod sampling;
 mod sdf;
 mod surface;
@@ -11,6 +12,7 @@ mod view;
 
 pub use light::Light;
 pub use material::{Material, Model, Relief};
+pub use medium::Medium;
 pub use sampling::{Goal, Integrator, Sampling};
 pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};
 pub use surface::{Instance, MeshFile, Sphere};
@@ -50,4 +52,8 @@ pub struct Description {
     pub sdf_objects: Named<SdfObject>,
     /// Lights that are not surfaces, by name.
     pub lights: Named<Light>,
+    /// What fills space, by name. Kept only: pictures are made as if all of it were empty.
+    pub media: Named<Medium>,
+    /// Name of the medium that is wherever no object's interior is.
+    pub medium: Option<String>,
 }

@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use crate::scene::document::cursor::Cursor;
 use crate::scene::document::macros::{object, variants};
 use crate::scene::document::named::Named;
-use crate::scene::document::rule::{Table, auto, or, required};
+use crate::scene::document::rule::{Table, auto, optional, or, required};
 
 object! {
     "SDF object";
@@ -19,6 +19,8 @@ object! {
         bounds: Option<Bounds> = auto();
         /// How rays march through it.
         settings: SdfSettings = or(SdfSettings::AUTO);
+        /// Name of the medium inside, where the surface is closed.
+        interior: Option<String> = optional().naming(Table::Media);
         /// The shape.
         tree: SdfNode = required();
     }

@@ -4,7 +4,7 @@ use glam::{DAffine3, Vec3};
 
 use crate::scene::document::asset::AssetKind;
 use crate::scene::document::macros::object;
-use crate::scene::document::rule::{Table, or, required};
+use crate::scene::document::rule::{Table, optional, or, required};
 
 object! {
     "mesh";
@@ -34,6 +34,8 @@ object! {
         emission: Vec3 = or(Vec3::ZERO).from(0.0);
         /// Whether front and back change places.
         flip_normals: bool = or(false);
+        /// Name of the medium inside, where the surface is closed.
+        interior: Option<String> = optional().naming(Table::Media);
     }
 }
 
@@ -51,5 +53,7 @@ object! {
         emission: Vec3 = or(Vec3::ZERO).from(0.0);
         /// Whether front and back change places: the sphere shines inwards.
         flip_normals: bool = or(false);
+        /// Name of the medium inside, where the surface is closed.
+        interior: Option<String> = optional().naming(Table::Media);
     }
 }

@@ -7,7 +7,7 @@ use crate::color::View;
 use crate::light::SpotFalloff;
 use crate::scene::document::decode::Decode;
 use crate::scene::document::{
-    Camera, ColorTexture, Crop, Document, Filter, Goal, Integrator, Light, Limits, Model,
+    Camera, ColorTexture, Crop, Document, Filter, Goal, Integrator, Light, Limits, Medium, Model,
     NumberTexture, Sampling, SdfNode, SdfSettings, Texture,
 };
 use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
@@ -74,6 +74,20 @@ fn every_kind_of_thing_is_read() {
         transform: DAffine3::IDENTITY,
     };
     assert_eq!(scene.lights.get("sky"), Some(&sky));
+}
+
+#[test]
+fn media_fill_space_and_the_inside_of_things() {
+    let scene = frame(&scene(
+        r#""media":{"fog":{"sigma_s":[0.1,0.2,0.3],"g":0.5},"ink":{"sigma_a":[1,2,3],"density":4}},"medium":"fog",
+            "materials":{"b":{"type":"diffuse"}},
+            "spheres":{"s":{"center":[1,2,3],"radius":0.25,"material":"b","interior":"ink"}}"#,
+    ));
+    let fog = Medium { sigma_a: Vec3::ZERO, sigma_s: Vec3::new(0.1, 0.2, 0.3), density: 1.0, g: 0.5 };
+    let ink = Medium { sigma_a: Vec3::new(1.0, 2.0, 3.0), sigma_s: Vec3::ZERO, density: 4.0, g: 0.0 };
+    assert_eq!((scene.media.get("fog"), scene.media.get("ink")), (Some(&fog), Some(&ink)));
+    assert_eq!(scene.medium.as_deref(), Some("fog"));
+    assert_eq!(scene.spheres.get("s").unwrap().interior.as_deref(), Some("ink"));
 }
 
 #[test]
