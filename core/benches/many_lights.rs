@@ -77,7 +77,7 @@ fn document(spp: u32, seed: u32) -> String {
         "sampling": {{"spp": {spp}, "seed": {seed}}},
         "integrator": {{"max_depth": 3}},
         "materials": {{
-            "gray": {{"type": "diffuse", "reflectance": 0.6}},
+            "gray": {{"type": "diffuse", "reflectance": [0.6, 0.6, 0.6]}},
             "red": {{"type": "plastic", "alpha": 0.2, "diffuse_reflectance": [0.5, 0.1, 0.1]}}}},
         "meshes": {{{meshes}}},
         "instances": {{{lamps}}},

@@ -63,7 +63,7 @@ fn sun() -> String {
 /// The floor with more members of its material and of its mesh, under the sun.
 fn floor(folder: &Path, material: &str, mesh: &str) -> Picture {
     let members = format!(
-        r#""materials": {{"m": {{"type": "diffuse", "reflectance": 1 {material}}}}},
+        r#""materials": {{"m": {{"type": "diffuse", "reflectance": [1, 1, 1] {material}}}}},
         "meshes": {{"floor": {{"file": "floor.obj" {mesh}}}}},
         "instances": {{"floor": {{"mesh": "floor", "material": "m"}}}}, {}"#,
         sun()
@@ -151,7 +151,7 @@ fn bumps_of_no_height_leave_smooth_meshes_smooth() {
     write(&folder.path().join("ball.obj"), &ball());
     let with = |more: &str| {
         let members = format!(
-            r#""materials": {{"m": {{"type": "diffuse", "reflectance": 1 {more}}}}},
+            r#""materials": {{"m": {{"type": "diffuse", "reflectance": [1, 1, 1] {more}}}}},
             "meshes": {{"ball": {{"file": "ball.obj"}}}},
             "instances": {{"ball": {{"mesh": "ball", "material": "m", "transform": {{"scale": 0.4}}}}}}, {}"#,
             sun()
@@ -187,7 +187,7 @@ fn a_surface_that_is_there_in_part_lets_the_rest_through() {
     // Seen through a black pane: a sky of radiance 1.
     let through = |opacity: &str| {
         let members = format!(
-            r#""materials": {{"m": {{"type": "diffuse", "reflectance": 0, "opacity": {opacity}}}}},
+            r#""materials": {{"m": {{"type": "diffuse", "reflectance": [0, 0, 0], "opacity": {opacity}}}}},
             "meshes": {{"floor": {{"file": "floor.obj"}}}},
             "instances": {{"floor": {{"mesh": "floor", "material": "m"}}}},
             "lights": {{"sky": {{"type": "environment"}}}}"#
@@ -214,8 +214,8 @@ fn a_lamp_that_is_there_in_part_shines_in_part() {
     write(&folder.path().join("floor.obj"), &square(plain));
     let lit = |opacity: f32, emission: f32| {
         let members = format!(
-            r#""materials": {{"gray": {{"type": "diffuse", "reflectance": 0.8}},
-                "lamp": {{"type": "diffuse", "reflectance": 0, "opacity": {opacity}}}}},
+            r#""materials": {{"gray": {{"type": "diffuse", "reflectance": [0.8, 0.8, 0.8]}},
+                "lamp": {{"type": "diffuse", "reflectance": [0, 0, 0], "opacity": {opacity}}}}},
             "meshes": {{"floor": {{"file": "floor.obj"}}}},
             "instances": {{"floor": {{"mesh": "floor", "material": "gray"}},
                 "lamp": {{"mesh": "floor", "material": "lamp", "emission": [{emission}, {emission}, {emission}],

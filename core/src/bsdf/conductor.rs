@@ -28,9 +28,7 @@ impl Conductor {
             return none;
         }
         let Some(half) = Half::new(wo, wi, 1.0) else { return none };
-        let masked = facets.unmasked(wo) * facets.unmasked(wi);
-        let value = facets.density(half.h) * masked / (4.0 * wo.z);
-        (self.fresnel(wi.dot(half.h)) * value, facets.reflection_pdf(wo, half.h))
+        (self.fresnel(wi.dot(half.h)) * facets.reflected(wo, wi, half.h), facets.reflection_pdf(wo, half.h))
     }
 
     pub(super) fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {

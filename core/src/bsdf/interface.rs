@@ -69,8 +69,7 @@ impl Interface {
         // Both cosines are the same but for rounding; near total reflection that would tell the two ways apart.
         let cos = 0.5 * (wo + wi).dot(h).abs();
         let (f, _) = dielectric(cos, self.eta_from(wo));
-        let masked = facets.unmasked(wo) * facets.unmasked(wi);
-        let value = f * facets.density(h) * masked / (4.0 * wo.z.abs());
+        let value = f * facets.reflected(wo, wi, h);
         let pdf = if cos > 0.0 { facets.visible_pdf(wo, h) * f / (4.0 * cos) } else { 0.0 };
         (self.reflectance * value, pdf)
     }

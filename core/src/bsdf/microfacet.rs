@@ -105,6 +105,13 @@ impl Microfacets {
         ggx.density(h) / (2.0 * (self.cap(wo) * wo.z + length))
     }
 
+    /// What the facets reflect from `wi` to `wo` on one side, `h` between them, times the cosine of `wi`: D G / (4 cos),
+    /// without Fresnel's term.
+    #[inline]
+    pub(super) fn reflected(&self, wo: Vec3, wi: Vec3, h: Vec3) -> f32 {
+        self.density(h) * self.unmasked(wo) * self.unmasked(wi) / (4.0 * wo.z.abs())
+    }
+
     /// Share of the unit sphere's lower cap that reflections need: Tokuyoshi and Eto's k.
     #[inline]
     fn cap(&self, wo: Vec3) -> f32 {

@@ -77,10 +77,8 @@ fn reflected(facets: &Microfacets, cos: f32, ior: f32) -> f64 {
             let sampler = Sampler::new(Stream::new(0, 0), [0, 0], Replicate::A, index);
             let wi = facets.sample_reflection(wo, sampler.get_2d(Decision::Direction(0)));
             let half = Half::new(wo, wi, 1.0).filter(|_| wi.z > 0.0)?;
-            let masked = facets.unmasked(wo) * facets.unmasked(wi);
             let (f, _) = fresnel::dielectric(wo.dot(half.h), ior);
-            let pdf = facets.reflection_pdf(wo, half.h);
-            Some(f64::from(f * facets.density(half.h) * masked / (4.0 * wo.z * pdf)))
+            Some(f64::from(f * facets.reflected(wo, wi, half.h) / facets.reflection_pdf(wo, half.h)))
         })
         .sum();
     sum / f64::from(SAMPLES)
@@ -125,9 +123,8 @@ impl Plastic {
         if let Some(facets) = &self.coat.facets
             && let Some(half) = Half::new(wo, wi, 1.0)
         {
-            let masked = facets.unmasked(wo) * facets.unmasked(wi);
             let (fresnel, _) = fresnel::dielectric(wi.dot(half.h), self.coat.ior);
-            f += self.specular * (fresnel * facets.density(half.h) * masked / (4.0 * wo.z));
+            f += self.specular * (fresnel * facets.reflected(wo, wi, half.h));
             pdf += share * facets.reflection_pdf(wo, half.h);
         }
         (f, pdf)

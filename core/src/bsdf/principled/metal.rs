@@ -15,8 +15,6 @@ pub(super) struct Metal {
 impl Metal {
     /// Both directions outside, `h` between them at an angle of this cosine.
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, h: Vec3, cos_h: f32) -> Vec3 {
-        let facets = &self.facets;
-        let masked = facets.unmasked(wo) * facets.unmasked(wi);
-        schlick(self.c0, cos_h) * (facets.density(h) * masked / (4.0 * wo.z))
+        schlick(self.c0, cos_h) * self.facets.reflected(wo, wi, h)
     }
 }
