@@ -178,29 +178,36 @@ fn compare_strategies(folder: &Path, scenes: &[(&str, String)], ways: &[Strategy
 
 #[test]
 fn lights_chosen_by_the_tree_and_blindly_bring_the_same() {
-    // More lights than are weighed one by one, of many sizes, around a ball of two lobes, and two at infinity.
-    let lamps: String = (0..90)
+    // More lights than are weighed one by one and than a receiver looks at together, of many sizes, over a ball of two lobes and out of sight, and two at infinity.
+    let lamps: String = (0..1200)
         .map(|lamp| {
             let turn = f64::from(lamp) * 2.4;
-            let (x, y, z) = (2.5 * libm::cos(turn), f64::from(lamp) * 0.04 - 0.9, 2.5 * libm::sin(turn));
+            let (x, y, z) = (2.5 * libm::cos(turn), 2.5 + f64::from(lamp) * 0.002, 2.5 * libm::sin(turn));
             let radius = 0.01 + 0.004 * f64::from(lamp % 7);
             format!(
-                r#", "lamp{lamp}": {{"center": [{x}, {y}, {z}], "radius": {radius}, "material": "gray", "emission": [{}, 20, 9]}}"#,
-                10 + lamp % 5 * 8
+                r#", "lamp{lamp}": {{"center": [{x}, {y}, {z}], "radius": {radius}, "material": "gray", "emission": [{}, 40, 18]}}"#,
+                20 + lamp % 5 * 16
             )
         })
         .collect();
     let body = still(r#"{"type": "plastic", "alpha": 0.3}"#, &lamps, &format!("{SKY}, {SUN}"));
     let limit = limit_of(sidak(FAMILY, 10));
-    let by = |strategy, seed| {
-        let shot = Shot { seed, ..shot() };
+    let by = |strategy, spp, seed| {
+        let shot = Shot { seed, spp, max_depth: 2, ..shot() };
         Shown::of(&shot.scene_in(Path::new("."), &body).with_strategy(strategy))
     };
-    let (tree, blind) = (by(Strategy::Both, 1), by(Strategy::BlindChoice, 2));
+    let (tree, blind) = (by(Strategy::Both, 512, 1), by(Strategy::BlindChoice, 4096, 2));
     let (apart, tile) = (tree.apart(&blind), farthest_tile(&tree, &blind));
-    println!("tree against blind: {apart:+.1} errors, farthest tile {tile:.1}, limit {limit:.1}");
+    let part = |error: f64| error / blind.mean * 100.0;
+    println!(
+        "tree ± {:.2} % against blind ± {:.2} %: {apart:+.1} errors, farthest tile {tile:.1}, limit {limit:.1}",
+        part(tree.error),
+        part(blind.error)
+    );
     assert!(apart.abs() < limit && tile < limit);
-    assert!(tree.error < 0.5 * blind.error, "the tree brings {} against {}", tree.error, blind.error);
+    // Variance at the same number of samples.
+    let gain = (blind.error / tree.error).powi(2) * 4096.0 / 512.0;
+    assert!(gain > 4.0, "the tree's variance is {gain} times less");
 }
 
 #[test]
