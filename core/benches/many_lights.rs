@@ -95,7 +95,8 @@ fn shot(folder: &Path, spp: u32, seed: u32, strategy: Strategy) -> (Picture, f64
 
 /// relMSE of a picture to a reference.
 fn error(picture: &Picture, reference: &Picture) -> f64 {
-    let values = picture.color.iter().zip(&reference.color).flat_map(|(a, b)| [(a.x, b.x), (a.y, b.y), (a.z, b.z)]);
+    let values =
+        picture.color.iter().zip(&reference.color).flat_map(|(a, b)| [(a.x, b.x), (a.y, b.y), (a.z, b.z)]);
     let squares = values.map(|(a, b)| (f64::from(a - b)).powi(2) / (f64::from(b).powi(2) + 0.01));
     squares.sum::<f64>() / (3 * picture.color.len()) as f64
 }
@@ -123,7 +124,8 @@ fn main() {
             scene.exposure(),
             scene.view(),
         );
-        std::fs::write(&path, png.unwrap_or_else(|e| panic!("{e}"))).unwrap_or_else(|e| panic!("{path}: {e}"));
+        std::fs::write(&path, png.unwrap_or_else(|e| panic!("{e}")))
+            .unwrap_or_else(|e| panic!("{path}: {e}"));
     }
     let (mut gains, mut blind_errors, mut tree_errors) = (Vec::new(), 0.0, 0.0);
     for seed in 0..5 {

@@ -81,8 +81,9 @@ fn point() -> Case {
 fn sun() -> Case {
     Case {
         name: "sun",
-        lights: r#""s": {"type": "sun", "direction": [2, -3, -1], "irradiance": [4, 4, 4], "angular_size": 0}"#
-            .to_owned(),
+        lights:
+            r#""s": {"type": "sun", "direction": [2, -3, -1], "irradiance": [4, 4, 4], "angular_size": 0}"#
+                .to_owned(),
         instances: "",
         spheres: "",
         floor: Box::new(|p| {
@@ -193,9 +194,8 @@ fn document(camera: &str, members: &str, spp: u32) -> String {
 
 fn stage(case: &Case) -> String {
     let Case { lights, instances, spheres, .. } = case;
-    let camera = format!(
-        r#""vfov": {VFOV}, "transform": {{"look_at": {{"eye": [0, 5, 7], "target": [0, 0.6, 0]}}}}"#
-    );
+    let camera =
+        format!(r#""vfov": {VFOV}, "transform": {{"look_at": {{"eye": [0, 5, 7], "target": [0, 0.6, 0]}}}}"#);
     let members = format!(
         r#""meshes": {{"square": {{"file": "square.obj"}}, "triangle": {{"file": "triangle.obj"}}}},
         "instances": {{{instances} "floor": {{"mesh": "square", "material": "gray",
@@ -253,7 +253,8 @@ fn lights_shine_where_the_page_says() {
         let mut found = Vec::new();
         for (x, y) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y))) {
             // A pixel is compared where all of it is floor.
-            let within = |i: u32| (f64::from(x) + 0.5 * f64::from(i % 3), f64::from(y) + 0.5 * f64::from(i / 3));
+            let within =
+                |i: u32| (f64::from(x) + 0.5 * f64::from(i % 3), f64::from(y) + 0.5 * f64::from(i / 3));
             let values = (0..9).map(within).map(|(x, y)| expected(x, y));
             let Some(values) = values.collect::<Option<Vec<f64>>>() else { continue };
             // Simpson's rule over the pixel.
@@ -275,7 +276,10 @@ fn lights_shine_where_the_page_says() {
                 worst = (off, *x, *y);
             }
         }
-        println!("{}: {compared} pixels, {lit} of them lit, worst {:+.4} of {brightest:.3}", case.name, worst.0);
+        println!(
+            "{}: {compared} pixels, {lit} of them lit, worst {:+.4} of {brightest:.3}",
+            case.name, worst.0
+        );
         assert!(compared > 9_000 && lit > 200, "{}: {compared} compared, {lit} lit", case.name);
         assert!(
             worst.0.abs() < TOLERANCE * brightest,
@@ -312,7 +316,9 @@ fn the_environment_is_where_the_page_says() {
     let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
     write_meshes(folder.path());
     // Direction +z is the middle of the image, whose upper edge is +y and whose right is -x.
-    for (turn, looks, column) in [(180.0, "+z", 8.0), (0.0, "-z", 0.0), (90.0, "-x", 12.0), (-90.0, "+x", 4.0)] {
+    for (turn, looks, column) in
+        [(180.0, "+z", 8.0), (0.0, "-z", 0.0), (90.0, "-x", 12.0), (-90.0, "+x", 4.0)]
+    {
         let picture = look_into(folder.path(), turn);
         let at = |x: u32, y: u32| picture.color[(y * WIDTH + x) as usize];
         let (middle, above) = (at(WIDTH / 2, HEIGHT / 2), at(WIDTH / 2, 10));
@@ -337,8 +343,10 @@ fn write_meshes(folder: &Path) {
     };
     write("square.obj", b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
     write("triangle.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    exr::prelude::write_rgb_file(folder.join("sky.exr"), 16, 8, |x, y| <(f32, f32, f32)>::from(texel(x as u32, y as u32)))
-        .unwrap_or_else(|e| panic!("sky.exr: {e}"));
+    exr::prelude::write_rgb_file(folder.join("sky.exr"), 16, 8, |x, y| {
+        <(f32, f32, f32)>::from(texel(x as u32, y as u32))
+    })
+    .unwrap_or_else(|e| panic!("sky.exr: {e}"));
 }
 
 /// The pictures side by side, three in a row.

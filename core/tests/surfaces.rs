@@ -75,7 +75,11 @@ fn floor(folder: &Path, material: &str, mesh: &str) -> Picture {
 fn assert_tilted(picture: &Picture, normal: Vec3, what: &str) {
     let expected = normal.normalize().dot(TOWARDS_SUN.normalize()).max(0.0) / PI;
     for (at, color) in picture.color.iter().enumerate() {
-        assert!((color.x - expected).abs() < 2.0e-4, "{what}: pixel {at} is {}, expected {expected}", color.x);
+        assert!(
+            (color.x - expected).abs() < 2.0e-4,
+            "{what}: pixel {at} is {}, expected {expected}",
+            color.x
+        );
     }
 }
 
@@ -93,11 +97,20 @@ fn a_normal_map_tilts_along_u_and_v() {
     ];
     for (name, uv, mesh, u, v) in cases {
         write(&folder.path().join("floor.obj"), &square(uv));
-        for local in [Vec3::new(0.0, 0.0, 1.0), Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.6, 0.8), Vec3::new(-0.3, 0.4, 0.75)] {
+        for local in [
+            Vec3::new(0.0, 0.0, 1.0),
+            Vec3::new(0.6, 0.0, 0.8),
+            Vec3::new(0.0, 0.6, 0.8),
+            Vec3::new(-0.3, 0.4, 0.75),
+        ] {
             let texel = local * 0.5 + 0.5;
             let map = format!(r#", "normal_map": [{}, {}, {}]"#, texel.x, texel.y, texel.z);
             let picture = floor(folder.path(), &map, mesh);
-            assert_tilted(&picture, u * local.x + v * local.y + Vec3::Y * local.z, &format!("{name}, {local}"));
+            assert_tilted(
+                &picture,
+                u * local.x + v * local.y + Vec3::Y * local.z,
+                &format!("{name}, {local}"),
+            );
         }
     }
 }
@@ -118,7 +131,8 @@ fn a_ramp_of_bumps_is_a_slope() {
     image("v.exr", [1, 64], &|_, y| 1.0 - (y as f32 + 0.5) / 64.0);
     // The square is two units wide: a ramp of half a unit rises by a quarter.
     for (name, uphill) in [("u.exr", Vec3::X), ("v.exr", -Vec3::Z)] {
-        let bump = format!(r#", "bump": {{"type": "image", "file": "{name}", "wrap": "clamp"}}, "bump_scale": 0.5"#);
+        let bump =
+            format!(r#", "bump": {{"type": "image", "file": "{name}", "wrap": "clamp"}}, "bump_scale": 0.5"#);
         assert_tilted(&floor(folder.path(), &bump, ""), Vec3::Y - uphill * 0.25, name);
     }
 }
@@ -139,7 +153,10 @@ fn ball() -> String {
         for column in 0..around {
             let a = row * (around + 1) + column + 1;
             let [b, c, d] = [a + 1, a + around + 2, a + around + 1];
-            let _ = writeln!(text, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}\nf {a}/{a}/{a} {c}/{c}/{c} {d}/{d}/{d}");
+            let _ = writeln!(
+                text,
+                "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}\nf {a}/{a}/{a} {c}/{c}/{c} {d}/{d}/{d}"
+            );
         }
     }
     text

@@ -10,9 +10,7 @@ use super::tape;
 use crate::bvh::Bvh;
 use crate::camera::{Camera, Perspective};
 use crate::film::{FilterKind, FrameSize, PixelFilter, Region};
-use crate::light::{
-    self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotLight, SunLight,
-};
+use crate::light::{self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotLight, SunLight};
 use crate::math::{Aabb, Transform};
 use crate::mesh::Mesh;
 use crate::sampler::Stream;
@@ -217,12 +215,7 @@ impl Builder<'_> {
                 doc::Light::Spotlight { position, direction, intensity, radiance, .. } => {
                     let intensity = intensity.or(*radiance).unwrap_or_default();
                     light.falloff().ok().map(|falloff| {
-                        Light::Spotlight(SpotLight::new(
-                            *position,
-                            *direction,
-                            intensity,
-                            falloff,
-                        ))
+                        Light::Spotlight(SpotLight::new(*position, *direction, intensity, falloff))
                     })
                 }
                 doc::Light::Sun { direction, irradiance, angular_size } => {

@@ -14,9 +14,9 @@ pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};
 pub use compiled::{Scene, Strategy};
 pub use document::{
-    AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Film,
-    Filter, FrameRange, Goal, Instance, Integrator, Light, Limits, LookAt, Material, Medium, MeshFile, Model,
-    Named, NumberTexture, Overrides, Problem, Problems, Relief, Sampling, Scale, SdfNode, SdfObject,
-    SdfSettings, Shade, Sphere, Texture, json_schema, reference_page,
+    AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Film, Filter,
+    FrameRange, Goal, Instance, Integrator, Light, Limits, LookAt, Material, Medium, MeshFile, Model, Named,
+    NumberTexture, Overrides, Problem, Problems, Relief, Sampling, Scale, SdfNode, SdfObject, SdfSettings,
+    Shade, Sphere, Texture, json_schema, reference_page,
 };
 pub use object::{Hit, PreparedMesh, Surface};

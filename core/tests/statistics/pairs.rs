@@ -119,7 +119,8 @@ fn write_files(folder: &Path) {
         let bright = if (x, y) == (5, 1) { 30.0_f32 } else { 0.3 };
         (bright, bright * 0.8, 0.2 + 0.1 * x as f32)
     };
-    exr::prelude::write_rgb_file(folder.join("sky.exr"), 8, 4, texel).unwrap_or_else(|e| panic!("sky.exr: {e}"));
+    exr::prelude::write_rgb_file(folder.join("sky.exr"), 8, 4, texel)
+        .unwrap_or_else(|e| panic!("sky.exr: {e}"));
 }
 
 #[test]

@@ -32,8 +32,8 @@ use std::sync::Arc;
 
 pub use asset::{AssetKind, AssetRef};
 pub use description::{
-    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance,
-    Integrator, Light, LookAt, Material, Medium, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
+    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance, Integrator,
+    Light, LookAt, Material, Medium, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
     SdfObject, SdfSettings, Shade, Sphere, Texture,
 };
 pub use limits::Limits;

@@ -4,7 +4,8 @@ use crate::scene::document::animation::Animation;
 use crate::scene::document::cursor::{Context, Cursor};
 use crate::scene::document::decode::Decode;
 use crate::scene::document::description::{
-    Camera, Description, Film, Instance, Integrator, Light, Material, Medium, MeshFile, Sampling, SdfObject, Sphere,
+    Camera, Description, Film, Instance, Integrator, Light, Material, Medium, MeshFile, Sampling, SdfObject,
+    Sphere,
 };
 use crate::scene::document::macros::object;
 use crate::scene::document::named::Named;

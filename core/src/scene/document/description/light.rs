@@ -87,7 +87,9 @@ impl Light {
             (None, None, Some(_)) if cutoff_angle.is_some() => {
                 Err("\"cone_angle\" and \"cutoff_angle\" both say where the light ends")
             }
-            (None, None, Some(cone_angle)) => Ok(SpotFalloff::Blend { cone_angle, blend: blend.unwrap_or(0.15) }),
+            (None, None, Some(cone_angle)) => {
+                Ok(SpotFalloff::Blend { cone_angle, blend: blend.unwrap_or(0.15) })
+            }
             _ => Err("\"focus\", \"beam_width\" and \"cone_angle\" exclude each other"),
         }
     }
