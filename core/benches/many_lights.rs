@@ -1,6 +1,10 @@
 //! Owns the measurement of a scene with 10,000 emissive triangles: its error at equal time, lights chosen by the tree
 //! and lights chosen blindly. Run by `cargo bench -p karst-core --bench many_lights`.
-#![allow(clippy::print_stdout, reason = "a measurement prints its figures")]
+#![allow(
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "a measurement reads the clock and prints its figures"
+)]
 
 #[path = "../tests/support/mod.rs"]
 mod support;

@@ -104,7 +104,7 @@ fn by_rectangle(p: DVec3, corner: DVec3, u: DVec3, v: DVec3, half: bool) -> f64 
         let share = match (i % STEPS + i / STEPS + 1).cmp(&STEPS) {
             Ordering::Greater if half => 0.0,
             Ordering::Equal if half => 0.5,
-            _ => 1.0,
+            Ordering::Less | Ordering::Equal | Ordering::Greater => 1.0,
         };
         let q = corner + u * a + v * b;
         let d = q - p;

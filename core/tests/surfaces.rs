@@ -33,6 +33,9 @@ fn square(uv: impl Fn(f32, f32) -> Vec2) -> String {
     text + "f 1/1 2/2 3/3 4/4\n"
 }
 
+/// Texture coordinates by x and z.
+type Uv = fn(f32, f32) -> Vec2;
+
 /// u to the right (+x), v to the back (−z).
 fn plain(x: f32, z: f32) -> Vec2 {
     Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * z)
@@ -89,11 +92,11 @@ fn a_normal_map_tilts_along_u_and_v() {
     let mirrored = |x: f32, z: f32| Vec2::new(0.5 - 0.5 * x, 0.5 - 0.5 * z);
     let turned = |x: f32, z: f32| Vec2::new(0.5 - 0.5 * z, 0.5 - 0.5 * x);
     // Where u and v point, by the coordinates above and whether v is flipped.
-    let cases: [(&str, &dyn Fn(f32, f32) -> Vec2, &str, Vec3, Vec3); 4] = [
-        ("plain", &plain, "", Vec3::X, -Vec3::Z),
-        ("u mirrored", &mirrored, "", -Vec3::X, -Vec3::Z),
-        ("turned", &turned, "", -Vec3::Z, -Vec3::X),
-        ("v flipped", &plain, r#", "flip_v": true"#, Vec3::X, Vec3::Z),
+    let cases: [(&str, Uv, &str, Vec3, Vec3); 4] = [
+        ("plain", plain, "", Vec3::X, -Vec3::Z),
+        ("u mirrored", mirrored, "", -Vec3::X, -Vec3::Z),
+        ("turned", turned, "", -Vec3::Z, -Vec3::X),
+        ("v flipped", plain, r#", "flip_v": true"#, Vec3::X, Vec3::Z),
     ];
     for (name, uv, mesh, u, v) in cases {
         write(&folder.path().join("floor.obj"), &square(uv));

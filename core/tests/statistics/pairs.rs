@@ -9,6 +9,7 @@ use super::report::table;
 use super::scenes::{Shot, Shown};
 use glam::DVec3;
 use karst_core::scene::Strategy;
+use std::fmt::Write as _;
 use std::path::Path;
 
 /// A ball of a material on a floor, lit by what `lights` adds.
@@ -179,18 +180,18 @@ fn compare_strategies(folder: &Path, scenes: &[(&str, String)], ways: &[Strategy
 
 #[test]
 fn lights_chosen_by_the_tree_and_blindly_bring_the_same() {
-    // More lights than are weighed one by one and than a receiver looks at together, of many sizes, over a ball of two lobes and out of sight, and two at infinity.
-    let lamps: String = (0..1200)
-        .map(|lamp| {
-            let turn = f64::from(lamp) * 2.4;
-            let (x, y, z) = (2.5 * libm::cos(turn), 2.5 + f64::from(lamp) * 0.002, 2.5 * libm::sin(turn));
-            let radius = 0.01 + 0.004 * f64::from(lamp % 7);
-            format!(
-                r#", "lamp{lamp}": {{"center": [{x}, {y}, {z}], "radius": {radius}, "material": "gray", "emission": [{}, 40, 18]}}"#,
-                20 + lamp % 5 * 16
-            )
-        })
-        .collect();
+    // More lights than are weighed one by one and than a receiver looks at together, of many sizes, out of sight over a
+    // ball of two lobes, and two at infinity.
+    let mut lamps = String::new();
+    for lamp in 0..1200 {
+        let turn = f64::from(lamp) * 2.4;
+        let (x, y, z) = (2.5 * libm::cos(turn), 2.5 + f64::from(lamp) * 0.002, 2.5 * libm::sin(turn));
+        let (radius, red) = (0.01 + 0.004 * f64::from(lamp % 7), 20 + lamp % 5 * 16);
+        let _ = write!(
+            lamps,
+            r#", "lamp{lamp}": {{"center": [{x}, {y}, {z}], "radius": {radius}, "material": "gray", "emission": [{red}, 40, 18]}}"#
+        );
+    }
     let body = still(r#"{"type": "plastic", "alpha": 0.3}"#, &lamps, &format!("{SKY}, {SUN}"));
     let limit = limit_of(sidak(FAMILY, 10));
     let by = |strategy, spp, seed| {
