@@ -71,7 +71,8 @@ mod tests {
             matrix3: DMat3::from_cols_array(&[1.0, 2.0, 3.0, 4.0, -0.0, 6.0, 7.0, 8.0, 9.0]),
             translation: DVec3::new(-1.0, -0.0, 5.0),
         };
-        let rows = json!([[1.0, 4.0, 7.0, -1.0], [2.0, 0.0, 8.0, 0.0], [3.0, 6.0, 9.0, 5.0], [0.0, 0.0, 0.0, 1.0]]);
+        let rows =
+            json!([[1.0, 4.0, 7.0, -1.0], [2.0, 0.0, 8.0, 0.0], [3.0, 6.0, 9.0, 5.0], [0.0, 0.0, 0.0, 1.0]]);
         assert_eq!(transform(&map), json!({ "matrix": rows }));
         assert!(!transform(&map).to_string().contains("-0.0"));
         let uv = DAffine2::from_cols_array(&[1.0, 2.0, 3.0, 4.0, -0.0, 6.0]);

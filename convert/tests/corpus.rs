@@ -70,7 +70,8 @@ fn corpora_have_files_that_are_taken() {
 /// Scenes find what lies beside them, so that meshes, images and included files are fuzzed too.
 #[test]
 fn a_scene_of_the_corpus_uses_every_file_beside_it() {
-    let bytes = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/mitsuba/files.xml")).unwrap();
+    let bytes =
+        fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/mitsuba/files.xml")).unwrap();
     let found = convert_mitsuba(&bytes).unwrap();
     let names: Vec<&str> = found.assets.keys().map(String::as_str).collect();
     assert_eq!(names, ["meshes/tri-smooth.ply", "meshes/tri.obj", "textures/a.png"]);

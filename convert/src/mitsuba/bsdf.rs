@@ -200,9 +200,7 @@ fn leaf(out: &mut Output<'_>, object: &Object, two_sided: bool) -> Result<Fields
             let parameters = [("base_color", 0.5), ("roughness", 0.5), ("anisotropic", 0.0), ("eta", 1.5)];
             return disney(out, object, "disney_glass", &parameters);
         }
-        "disneysheen" => {
-            disney(out, object, "disney_sheen", &[("base_color", 0.5), ("sheen_tint", 0.5)])?
-        }
+        "disneysheen" => disney(out, object, "disney_sheen", &[("base_color", 0.5), ("sheen_tint", 0.5)])?,
         "null" => return Ok(fields("null", [])),
         _ => {
             let text = format!("a {}: a grey diffuse material stands in for it", object.title());

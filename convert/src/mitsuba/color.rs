@@ -220,7 +220,8 @@ mod tests {
         let platinum = luminance(linear(2041.4)) * 683.0 * 106.857;
         assert!((platinum / 6.0e5 - 1.0).abs() < 0.01, "{platinum}");
         assert_eq!(linear(1.0), [0.0; 3]);
-        let [half, whole] = [0.5, 1.0].map(|scale| Color::blackbody(5000.0, scale).unwrap().linear(Role::Light));
+        let [half, whole] =
+            [0.5, 1.0].map(|scale| Color::blackbody(5000.0, scale).unwrap().linear(Role::Light));
         near(half.map(|channel| channel * 2.0), whole, 1e-6 * whole[0]);
         for kelvin in [0.0, -1.0, 1.0e10] {
             assert!(Color::blackbody(kelvin, 1.0).unwrap_err().starts_with("found a temperature of"));

@@ -293,8 +293,7 @@ impl Loader {
         let mut out = parts.next().unwrap_or_default().to_owned();
         for part in parts {
             // The longest name wins: $size_x is not $size and then "_x".
-            let mut names =
-                (1..=part.len().min(MAX_VARIABLE)).rev().filter_map(|length| part.get(..length));
+            let mut names = (1..=part.len().min(MAX_VARIABLE)).rev().filter_map(|length| part.get(..length));
             let found = names.find_map(|name| self.defaults.get_key_value(name));
             let (name, value) = found.ok_or_else(|| self.unknown(text, place))?;
             let size = value.len() as u64;

@@ -55,8 +55,7 @@ fn some_up(z: DVec3, legacy: bool) -> DVec3 {
     if !legacy {
         return tangents(z).0;
     }
-    let beside =
-        if z.x.abs() > z.y.abs() { DVec3::new(z.z, 0.0, -z.x) } else { DVec3::new(0.0, z.z, -z.y) };
+    let beside = if z.x.abs() > z.y.abs() { DVec3::new(z.z, 0.0, -z.x) } else { DVec3::new(0.0, z.z, -z.y) };
     beside.normalize().cross(z)
 }
 

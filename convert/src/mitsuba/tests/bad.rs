@@ -165,7 +165,8 @@ fn variables_of_variables_end() {
     // One long one that is used often, also in transforms.
     let long = format!("<default name='zero' value='0{}'/>\n", " ".repeat(1 << 20));
     let uses = |count: usize| {
-        let shape = "<shape type='cube'><transform name='to_world'><translate x='$zero'/></transform></shape>";
+        let shape =
+            "<shape type='cube'><transform name='to_world'><translate x='$zero'/></transform></shape>";
         format!("{long}{}", shape.repeat(count))
     };
     assert!(scene(&uses(60)).is_ok());
@@ -192,7 +193,10 @@ fn variables_and_folders_have_limits() {
         assert_eq!(error, format!("DIR/scene.xml:2: {expected}"));
     }
     let error = scene(&format!("{}<float name='x' value='$w'/>", defaults(30))).unwrap_err();
-    assert!(error.starts_with("DIR/scene.xml:2: found \"$w\", expected a variable that has a <default>: v0, v1, "));
+    assert!(
+        error
+            .starts_with("DIR/scene.xml:2: found \"$w\", expected a variable that has a <default>: v0, v1, ")
+    );
     assert!(error.ends_with(", …") && error.len() < 250, "{error}");
     assert!(scene(&"<path value='.'/>".repeat(64)).is_ok());
     let error = scene(&"<path value='.'/>".repeat(65)).unwrap_err();

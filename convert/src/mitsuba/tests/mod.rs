@@ -181,7 +181,9 @@ fn notes_stand_in_the_order_in_which_files_were_opened() {
     let folder = folder(&[
         (
             "scene.xml",
-            &format!("<scene>\n<include filename='b.xml'/>{SENSOR}\n<include filename='a.xml'/>\n<foo/></scene>"),
+            &format!(
+                "<scene>\n<include filename='b.xml'/>{SENSOR}\n<include filename='a.xml'/>\n<foo/></scene>"
+            ),
         ),
         ("a.xml", "<scene>\n<foo/>\n<include filename='b.xml'/></scene>"),
         ("b.xml", "<scene>\n\n<foo/>\n<foo/></scene>"),

@@ -196,7 +196,8 @@ fn shapes_without_a_material_get_that_of_their_version() {
     let lamp = "<emitter type='area'><rgb name='radiance' value='0'/></emitter>";
     let fog = "<medium type='homogeneous' name='interior'/>";
     let own = format!("{lamp}<bsdf type='diffuse'/>");
-    let shade = |shade: f64| json!({"type": "diffuse", "reflectance": [shade, shade, shade], "two_sided": false});
+    let shade =
+        |shade: f64| json!({"type": "diffuse", "reflectance": [shade, shade, shade], "two_sided": false});
     for (inner, new, old) in [
         ("", shade(0.5), shade(0.5)),
         (lamp, shade(0.0), shade(0.0)),
@@ -241,7 +242,8 @@ fn parts_of_mesh_files_are_said_to_be_missing() {
 
 #[test]
 fn hot_bodies_shine_in_both_versions() {
-    let spectrum = "<spectrum type='blackbody' name='intensity'><float name='temperature' value='5000'/></spectrum>";
+    let spectrum =
+        "<spectrum type='blackbody' name='intensity'><float name='temperature' value='5000'/></spectrum>";
     let point = |light: &str| format!("<emitter type='point' id='l'>{light}</emitter>");
     let new = scene(&point(spectrum)).unwrap();
     let black = |attributes: &str| older(&point(&format!("<blackbody name='intensity' {attributes}/>")));
@@ -270,7 +272,9 @@ fn hot_bodies_shine_in_both_versions() {
     let dark = scene(&point(&varying)).unwrap();
     assert_eq!(
         notes(&dark),
-        ["2 Untranslated a spectrum of type \"blackbody\" as the intensity of a emitter of type \"point\": it does not shine"]
+        [
+            "2 Untranslated a spectrum of type \"blackbody\" as the intensity of a emitter of type \"point\": it does not shine"
+        ]
     );
     assert_eq!(intensity(&dark), [0.0; 3]);
 }
