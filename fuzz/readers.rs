@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use karst_convert::{Converted, convert, convert_gltf};
+use karst_convert::{ConvertError, Converted, convert, convert_gltf};
 use karst_core::mesh::{self, Mesh};
 use karst_core::scene::{Document, Limits};
 use karst_core::texture::{ColorSpace, Image};
@@ -61,7 +61,7 @@ fn limits() -> Limits {
 pub(crate) fn read(format: Format, bytes: &[u8]) {
     match format {
         Format::Document => document(bytes),
-        Format::Mitsuba => mitsuba(bytes),
+        Format::Mitsuba => drop(convert_mitsuba(bytes).map(|scene| converted(&scene))),
         Format::Obj => drop(mesh::read(bytes, "fuzz.obj", limits().max_triangles).map(|mesh| check(&mesh))),
         Format::Ply => drop(mesh::read(bytes, "fuzz.ply", limits().max_triangles).map(|mesh| check(&mesh))),
         Format::Gltf => drop(convert_gltf(bytes, "fuzz.gltf", &limits()).map(|scene| converted(&scene))),
@@ -78,14 +78,30 @@ fn document(bytes: &[u8]) {
     }
 }
 
-/// A file of this process, for readers that want a path.
-static FILE: LazyLock<PathBuf> =
-    LazyLock::new(|| std::env::temp_dir().join(format!("karst-fuzz-{}.xml", std::process::id())));
-
-fn mitsuba(bytes: &[u8]) {
-    if std::fs::write(&*FILE, bytes).is_ok() {
-        drop(convert(&FILE).map(|scene| converted(&scene)));
+/// A folder of this process: scenes are read from it, and what they may name lies in it.
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = std::env::temp_dir().join(format!("karst-fuzz-{}", std::process::id()));
+    let files: [(&str, &[u8]); 4] = [
+        ("tri.obj", include_bytes!("corpus/obj/square.obj")),
+        // Without normals, which are made.
+        ("tri.ply", include_bytes!("corpus/ply/doubles.ply")),
+        ("a.png", include_bytes!("corpus/image/rgba.png")),
+        ("part.xml", br#"<scene version="3.0.0"><bsdf type="diffuse" id="part"/></scene>"#),
+    ];
+    let write = |(name, bytes): &(&str, &[u8])| std::fs::write(folder.join(name), bytes);
+    let written = std::fs::create_dir_all(&folder).and_then(|()| files.iter().try_for_each(write));
+    if let Err(error) = written {
+        panic!("{}: {error}", folder.display());
     }
+    folder
+});
+
+/// Converts a scene of Mitsuba that has `tri.obj`, `tri.ply`, `a.png` and `part.xml` beside it.
+pub(crate) fn convert_mitsuba(bytes: &[u8]) -> Result<Converted, ConvertError> {
+    // A name for each thread: tests read at the same time.
+    let path = FOLDER.join(format!("scene-{:?}.xml", std::thread::current().id()));
+    std::fs::write(&path, bytes).map_err(|source| ConvertError::File { path: path.clone(), source })?;
+    convert(&path)
 }
 
 fn converted(scene: &Converted) {

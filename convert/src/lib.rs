@@ -7,6 +7,7 @@ mod error;
 mod gltf;
 mod mitsuba;
 mod note;
+mod parts;
 mod text;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -7,7 +7,7 @@ mod readers;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use readers::{Format, read};
+use readers::{Format, convert_mitsuba, read};
 
 fn files(below: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz").join(below);
@@ -23,6 +23,7 @@ fn files(below: &str) -> Vec<PathBuf> {
 #[test]
 fn corpora_and_past_crashes_are_read_or_refused() {
     let mut all: Vec<PathBuf> = files("crashes");
+    assert!(all.len() > 2, "crashes has {} files", all.len());
     for (name, _) in Format::ALL {
         let corpus = files(&format!("corpus/{name}"));
         assert!(corpus.len() >= 3, "corpus/{name} has {} files", corpus.len());
@@ -41,7 +42,7 @@ fn corpora_and_past_crashes_are_read_or_refused() {
 /// The corpora show the fuzzers what the readers take: at least one file of each is not refused.
 #[test]
 fn corpora_have_files_that_are_taken() {
-    use karst_convert::{convert, convert_gltf};
+    use karst_convert::convert_gltf;
     use karst_core::scene::{Document, Limits};
     use karst_core::{mesh, texture};
 
@@ -53,7 +54,7 @@ fn corpora_have_files_that_are_taken() {
                 Format::Document => {
                     std::str::from_utf8(&bytes).is_ok_and(|text| Document::parse(text, "a", &limits).is_ok())
                 }
-                Format::Mitsuba => convert(path).is_ok(),
+                Format::Mitsuba => convert_mitsuba(&bytes).is_ok(),
                 Format::Obj => mesh::read(&bytes, "a.obj", 1 << 16).is_ok(),
                 Format::Ply => mesh::read(&bytes, "a.ply", 1 << 16).is_ok(),
                 Format::Gltf => convert_gltf(&bytes, "a", &limits).is_ok(),
@@ -64,4 +65,15 @@ fn corpora_have_files_that_are_taken() {
         let refused: Vec<_> = corpus.iter().filter(|path| !taken(path)).collect();
         assert!(refused.len() < corpus.len(), "corpus/{name}: all are refused");
     }
+}
+
+/// Scenes find what lies beside them, so that meshes, images and included files are fuzzed too.
+#[test]
+fn a_scene_of_the_corpus_uses_every_file_beside_it() {
+    let bytes =
+        fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/mitsuba/files.xml")).unwrap();
+    let found = convert_mitsuba(&bytes).unwrap();
+    let names: Vec<&str> = found.assets.keys().map(String::as_str).collect();
+    assert_eq!(names, ["meshes/tri-smooth.ply", "meshes/tri.obj", "textures/a.png"]);
+    assert!(found.document["materials"]["part"].is_object(), "{}", found.document);
 }

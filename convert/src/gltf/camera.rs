@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::output::Output;
 use super::reader::Reader;
 use crate::ConvertError;
+use crate::parts::transform;
 
 /// Height of the picture, in pixels: glTF says only its proportions.
 const HEIGHT: f64 = 720.0;
@@ -54,10 +55,7 @@ pub(super) fn view(
         output.untranslated(place, "a camera whose node leaves it no direction");
         return Ok(None);
     };
-    let DAffine3 { matrix3: m, translation: t } = placed;
-    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]];
-    let rows = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
-    let camera = json!({"type": "perspective", "vfov": vfov, "transform": {"matrix": rows}});
+    let camera = json!({"type": "perspective", "vfov": vfov, "transform": transform(&placed)});
     Ok(Some(View { camera, film: film(aspect) }))
 }
 

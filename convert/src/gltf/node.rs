@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::camera::{self, View};
 use super::description::{Node, Root};
@@ -13,6 +13,7 @@ use super::mesh::{Shape, shape};
 use super::output::{Output, add};
 use super::reader::Reader;
 use crate::ConvertError;
+use crate::parts::transform;
 
 /// JSON values that a placed mesh takes in the document, at most.
 const VALUES: u64 = 32;
@@ -75,23 +76,37 @@ impl<'a, 'b, 'c> Walk<'a, 'b, 'c> {
             shines: false,
         };
         // A stack of its own: a chain of nodes may be as long as the file allows.
-        let mut open: Vec<(u32, DAffine3)> =
-            roots.iter().rev().map(|root| (*root, DAffine3::IDENTITY)).collect();
+        let mut open = Vec::new();
+        walk.enter(roots, &DAffine3::IDENTITY, &mut open)?;
         while let Some((index, parent)) = open.pop() {
             let node = reader.get(&reader.root.nodes, index, "nodes", "nodes")?;
             let place = format!("nodes[{index}]");
-            if std::mem::replace(&mut walk.seen[index as usize], true) {
-                let message = "is reached a second time: it has two parents, or is among its own descendants";
-                return Err(reader.error(place, message));
-            }
             let world = parent * local(reader, node, &place)?;
             if !world.is_finite() {
                 return Err(reader.error(place, "its place in the world is not finite"));
             }
             walk.visit(node, &world, &place)?;
-            open.extend(node.children.iter().rev().map(|child| (*child, world)));
+            walk.enter(&node.children, &world, &mut open)?;
         }
         Ok(walk)
+    }
+
+    /// Puts nodes below a place in the world on the stack, each once: it never has more entries than there are nodes.
+    fn enter(
+        &mut self,
+        nodes: &[u32],
+        world: &DAffine3,
+        open: &mut Vec<(u32, DAffine3)>,
+    ) -> Result<(), ConvertError> {
+        for index in nodes.iter().rev() {
+            self.reader.get(&self.reader.root.nodes, *index, "nodes", "nodes")?;
+            if std::mem::replace(&mut self.seen[*index as usize], true) {
+                let message = "is reached a second time: it has two parents, or is among its own descendants";
+                return Err(self.reader.error(format!("nodes[{index}]"), message));
+            }
+            open.push((*index, *world));
+        }
+        Ok(())
     }
 
     fn visit(&mut self, node: &Node, world: &DAffine3, place: &str) -> Result<(), ConvertError> {
@@ -164,7 +179,7 @@ impl<'a, 'b, 'c> Walk<'a, 'b, 'c> {
         }
         let mut entry = json!({"mesh": shape.name, "material": look.name});
         if *world != DAffine3::IDENTITY {
-            entry["transform"] = json!({"matrix": rows(world)});
+            entry["transform"] = transform(world);
         }
         if look.emission != [0.0; 3] {
             entry["emission"] = json!(look.emission);
@@ -207,10 +222,4 @@ fn local(reader: &Reader<'_>, node: &Node, place: &str) -> Result<DAffine3, Conv
     let scale = node.scale.map_or(DVec3::ONE, DVec3::from);
     let translation = node.translation.map_or(DVec3::ZERO, DVec3::from);
     Ok(DAffine3::from_scale_rotation_translation(scale, rotation, translation))
-}
-
-fn rows(map: &DAffine3) -> Value {
-    let DAffine3 { matrix3: m, translation: t } = map;
-    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]];
-    json!([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])
 }

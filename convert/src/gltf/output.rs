@@ -7,10 +7,8 @@ use std::fmt::Display;
 use karst_core::scene::Limits;
 use serde_json::{Map, Value};
 
+use crate::parts::clean_name;
 use crate::{Asset, Note, NoteKind};
-
-/// Longest name in a document, less room for a number.
-const MAX_NAME: usize = 100;
 
 /// The parts of the document, the files it names, and what is said about them.
 #[derive(Debug)]
@@ -90,11 +88,7 @@ pub(super) fn add(
     otherwise: &str,
     entry: Value,
 ) -> String {
-    let fits = |c: char| if c.is_alphanumeric() || matches!(c, '_' | '-' | ' ') { c } else { '_' };
-    let mut name: String = wanted.unwrap_or_default().trim().chars().map(fits).collect();
-    while name.len() > MAX_NAME {
-        name.pop();
-    }
+    let mut name = clean_name(wanted.unwrap_or_default());
     if name.is_empty() {
         otherwise.clone_into(&mut name);
     }

@@ -6,11 +6,12 @@
 use std::borrow::Cow;
 
 use glam::{DAffine2, DMat2, DVec2};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::description::{TextureInfo, TextureTransform};
 use super::output::{Output, file_name};
 use super::reader::{Named, Reader};
+use crate::parts::{FLIP_V, Fields, fields, transform_uv};
 use crate::{Asset, ConvertError};
 
 /// What is taken out of an image.
@@ -52,9 +53,7 @@ pub(super) fn texture(
         return Ok(None);
     };
     let Some(file) = image(reader, output, source, &here)? else { return Ok(None) };
-    let mut fields = Map::new();
-    fields.insert("type".to_owned(), json!("image"));
-    fields.insert("file".to_owned(), json!(file));
+    let mut fields = fields("image", [("file", json!(file))]);
     let space = if taken == Taken::Color { "srgb" } else { "linear" };
     fields.insert("color_space".to_owned(), json!(space));
     if let Taken::Channel(channel) = taken {
@@ -73,7 +72,7 @@ fn sample(
     reader: &Reader<'_>,
     output: &mut Output<'_>,
     index: u32,
-    fields: &mut Map<String, Value>,
+    fields: &mut Fields,
     place: &str,
 ) -> Result<(), ConvertError> {
     let sampler = reader.get(&reader.root.samplers, index, place, "samplers")?;
@@ -110,12 +109,11 @@ fn flipped(reader: &Reader<'_>, transform: &TextureTransform, place: &str) -> Re
         matrix2: DMat2::from_angle(-transform.rotation) * DMat2::from_diagonal(DVec2::new(su, sv)),
         translation: DVec2::new(u, v),
     };
-    let flip = DAffine2 { matrix2: DMat2::from_diagonal(DVec2::new(1.0, -1.0)), translation: DVec2::Y };
-    let DAffine2 { matrix2: m, translation: t } = flip * there * flip;
-    for number in [t.x, t.y] {
+    let map = FLIP_V * there * FLIP_V;
+    for number in map.translation.to_array() {
         reader.finite(number, &place)?;
     }
-    Ok(json!({"matrix": [[m.x_axis.x, m.y_axis.x, t.x], [m.x_axis.y, m.y_axis.y, t.y]]}))
+    Ok(transform_uv(&map))
 }
 
 /// The path of the image's file in the document, or nothing where it is noted that it cannot be used.

@@ -1,6 +1,6 @@
 //! Owns materials: plugins that scatter light, and the plugins around them.
 
-use serde_json::{Map, Value as Json, json};
+use serde_json::{Value as Json, json};
 
 use super::color::Role;
 use super::object::{Object, Value};
@@ -8,8 +8,7 @@ use super::output::{Output, Table};
 use super::substance;
 use super::texture::{color, constant, number, texture};
 use crate::ConvertError;
-
-type Fields = Map<String, Json>;
+use crate::parts::{Fields, fields};
 
 /// Range of indices of refraction, inside to outside.
 const ETA: [f64; 2] = [0.1, 10.0];
@@ -35,26 +34,28 @@ pub(super) fn material(out: &mut Output<'_>, index: usize, wanted: &str) -> Resu
     Ok(name)
 }
 
-/// The name of the material of shapes without one: half grey from the front, black from behind.
-pub(super) fn default_material(out: &mut Output<'_>) -> String {
-    // No object has this number.
-    const DEFAULT: usize = usize::MAX;
-    if let Some(name) = out.materials.get(&DEFAULT) {
+/// The name of the material of shapes without one. Lights are black; in old scenes the boundary of a medium is nothing;
+/// everything else is half grey from the front and black from behind.
+pub(super) fn default_material(out: &mut Output<'_>, shines: bool, boundary: bool) -> String {
+    // No objects have these numbers.
+    let (key, name, material) = if shines {
+        (usize::MAX, "black", grey(0.0, false))
+    } else if boundary && out.scene.legacy {
+        (usize::MAX - 1, "null", fields("null", []))
+    } else {
+        (usize::MAX - 2, "default", grey(0.5, false))
+    };
+    if let Some(name) = out.materials.get(&key) {
         return name.clone();
     }
-    let name = out.name(Table::Materials, "default");
-    out.add(Table::Materials, name.clone(), grey(false));
-    out.materials.insert(DEFAULT, name.clone());
+    let name = out.name(Table::Materials, name);
+    out.add(Table::Materials, name.clone(), material);
+    out.materials.insert(key, name.clone());
     name
 }
 
-fn grey(two_sided: bool) -> Fields {
-    fields("diffuse", [("reflectance", json!([0.5, 0.5, 0.5])), ("two_sided", json!(two_sided))])
-}
-
-fn fields<const N: usize>(model: &str, parameters: [(&str, Json); N]) -> Fields {
-    let parameters = parameters.into_iter().map(|(name, value)| (name.to_owned(), value));
-    std::iter::once(("type".to_owned(), json!(model))).chain(parameters).collect()
+fn grey(shade: f64, two_sided: bool) -> Fields {
+    fields("diffuse", [("reflectance", json!([shade, shade, shade])), ("two_sided", json!(two_sided))])
 }
 
 fn model(out: &mut Output<'_>, object: &Object, mut around: Around) -> Result<Json, ConvertError> {
@@ -186,19 +187,26 @@ fn leaf(out: &mut Output<'_>, object: &Object, two_sided: bool) -> Result<Fields
         "plastic" | "roughplastic" => plastic(out, object)?,
         "principled" => principled(out, object)?,
         "disneybsdf" => disney(out, object, "principled_bsdf", &DISNEY)?,
-        "disneydiffuse" => disney(out, object, "disney_diffuse", &["base_color", "roughness", "subsurface"])?,
-        "disneymetal" => disney(out, object, "disney_metal", &["base_color", "roughness", "anisotropic"])?,
-        "disneyclearcoat" => disney(out, object, "disney_clearcoat", &["clearcoat_gloss"])?,
-        "disneyglass" => {
-            return disney(out, object, "disney_glass", &["base_color", "roughness", "anisotropic", "eta"]);
+        "disneydiffuse" => {
+            let parameters = [("base_color", 0.5), ("roughness", 0.5), ("subsurface", 0.0)];
+            disney(out, object, "disney_diffuse", &parameters)?
         }
-        "disneysheen" => disney(out, object, "disney_sheen", &["base_color", "sheen_tint"])?,
+        "disneymetal" => {
+            let parameters = [("base_color", 0.5), ("roughness", 0.5), ("anisotropic", 0.0)];
+            disney(out, object, "disney_metal", &parameters)?
+        }
+        "disneyclearcoat" => disney(out, object, "disney_clearcoat", &[("clearcoat_gloss", 1.0)])?,
+        "disneyglass" => {
+            let parameters = [("base_color", 0.5), ("roughness", 0.5), ("anisotropic", 0.0), ("eta", 1.5)];
+            return disney(out, object, "disney_glass", &parameters);
+        }
+        "disneysheen" => disney(out, object, "disney_sheen", &[("base_color", 0.5), ("sheen_tint", 0.5)])?,
         "null" => return Ok(fields("null", [])),
         _ => {
             let text = format!("a {}: a grey diffuse material stands in for it", object.title());
             out.untranslated(&object.place, text);
             object.properties.iter().for_each(|property| property.used.set(true));
-            grey(two_sided)
+            grey(0.5, two_sided)
         }
     };
     fields.insert("two_sided".to_owned(), json!(two_sided));
@@ -314,7 +322,7 @@ fn conductor(out: &mut Output<'_>, object: &Object) -> Result<Fields, ConvertErr
 
 /// Refraction and absorption of a metal; `None` is a perfect mirror.
 fn complex_index(out: &mut Output<'_>, object: &Object) -> Result<Option<[[f64; 3]; 2]>, ConvertError> {
-    let outside = index_of(object, "ext_eta", 1.0)?;
+    let outside = index_of(object, "ext_eta", if out.scene.legacy { AIR } else { 1.0 })?;
     let default = if out.scene.legacy { "Cu" } else { "none" };
     let name = object.text("material")?;
     let found = if object.has("eta") || object.has("k") {
@@ -368,21 +376,21 @@ fn plastic(out: &mut Output<'_>, object: &Object) -> Result<Fields, ConvertError
     Ok(found)
 }
 
-/// Parameters of `principled_bsdf`, under the names that both sides have.
-const DISNEY: [&str; 13] = [
-    "base_color",
-    "specular_transmission",
-    "metallic",
-    "subsurface",
-    "specular",
-    "roughness",
-    "specular_tint",
-    "anisotropic",
-    "sheen",
-    "sheen_tint",
-    "clearcoat",
-    "clearcoat_gloss",
-    "eta",
+/// Parameters of `principled_bsdf`, under the names that both sides have, and what the course has where it says nothing.
+const DISNEY: [(&str, f64); 13] = [
+    ("base_color", 0.5),
+    ("specular_transmission", 0.0),
+    ("metallic", 0.0),
+    ("subsurface", 0.0),
+    ("specular", 0.5),
+    ("roughness", 0.5),
+    ("specular_tint", 0.0),
+    ("anisotropic", 0.0),
+    ("sheen", 0.0),
+    ("sheen_tint", 0.5),
+    ("clearcoat", 0.0),
+    ("clearcoat_gloss", 1.0),
+    ("eta", 1.5),
 ];
 
 /// The Disney BSDF or a lobe of it, under the names of the course it comes from.
@@ -390,14 +398,14 @@ fn disney(
     out: &mut Output<'_>,
     object: &Object,
     model: &str,
-    names: &[&str],
+    parameters: &[(&str, f64)],
 ) -> Result<Fields, ConvertError> {
     let mut found = fields(model, []);
-    for name in names.iter().filter(|name| object.has(name)) {
+    for (name, default) in parameters {
         let value = match *name {
-            "base_color" => color(out, object, name, 0.5)?,
-            "eta" => number(out, object, name, 1.5, ETA)?,
-            _ => number(out, object, name, 0.0, UNIT)?,
+            "base_color" => color(out, object, name, *default)?,
+            "eta" => number(out, object, name, *default, ETA)?,
+            _ => number(out, object, name, *default, UNIT)?,
         };
         found.insert((*name).to_owned(), value);
     }

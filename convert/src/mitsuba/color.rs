@@ -79,6 +79,24 @@ impl Color {
         Self::table(lines.map(pair).collect::<Result<_, String>>()?)
     }
 
+    /// The radiance of a black body of a temperature in kelvins, in W/(m² sr nm), times a factor (Planck's law).
+    pub(super) fn blackbody(kelvin: f64, scale: f64) -> Result<Self, String> {
+        // Planck's constant, the speed of light and Boltzmann's constant in units of the SI.
+        const H: f64 = 6.626_069_57e-34;
+        const C: f64 = 299_792_458.0;
+        const K: f64 = 1.380_648_8e-23;
+        if !(kelvin > 0.0 && kelvin <= 1.0e9) {
+            return Err(format!("found a temperature of {kelvin} K, expected one above 0 and up to 1e9"));
+        }
+        let radiance = |wavelength: f64| {
+            let energy = libm::expm1(H * C / (wavelength * K * kelvin));
+            2.0 * H * C * C / (libm::pow(wavelength, 5.0) * energy)
+        };
+        let nanometre = 1.0e-9;
+        let wavelengths = (0..=(cie::LAST - cie::FIRST) as u32).map(|step| cie::FIRST + f64::from(step));
+        Self::table(wavelengths.map(|at| [at, scale * nanometre * radiance(at * nanometre)]).collect())
+    }
+
     /// Linear Rec.709; channels outside the gamut become 0.
     pub(super) fn linear(&self, role: Role) -> [f64; 3] {
         match self {
@@ -188,6 +206,26 @@ mod tests {
         assert!((0.212_671 * r + 0.715_160 * g + 0.072_169 * b - 0.5).abs() < 1e-4);
         // The white of equal energy in Rec.709, which is a little purple.
         near([r, g, b], [0.602_4, 0.474_1, 0.454_4], 1e-3);
+    }
+
+    #[test]
+    fn hot_bodies_shine_as_they_are_known_to() {
+        let linear = |kelvin: f64| Color::blackbody(kelvin, 1.0).unwrap().linear(Role::Light);
+        let luminance = |[r, g, b]: [f64; 3]| 0.212_671 * r + 0.715_160 * g + 0.072_169 * b;
+        // Illuminant A: chromaticity (0.4476, 0.4074), in Rec.709 at luminance 1.
+        let bulb = linear(2856.0);
+        near(bulb.map(|channel| channel / luminance(bulb)), [1.845, 0.826, 0.233], 4e-3);
+        // Freezing platinum was the candela: 60 for each square centimetre. 683 lm are a watt, and the integral of the
+        // observer's curve is 106.857 nm.
+        let platinum = luminance(linear(2041.4)) * 683.0 * 106.857;
+        assert!((platinum / 6.0e5 - 1.0).abs() < 0.01, "{platinum}");
+        assert_eq!(linear(1.0), [0.0; 3]);
+        let [half, whole] =
+            [0.5, 1.0].map(|scale| Color::blackbody(5000.0, scale).unwrap().linear(Role::Light));
+        near(half.map(|channel| channel * 2.0), whole, 1e-6 * whole[0]);
+        for kelvin in [0.0, -1.0, 1.0e10] {
+            assert!(Color::blackbody(kelvin, 1.0).unwrap_err().starts_with("found a temperature of"));
+        }
     }
 
     #[test]

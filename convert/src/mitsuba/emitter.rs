@@ -1,17 +1,16 @@
 //! Owns lights.
 
 use glam::{DAffine3, DVec3};
-use serde_json::{Map, json};
+use serde_json::json;
 
 use super::color::Role;
-use super::object::Object;
+use super::object::{Object, Value};
 use super::output::{Output, Table};
-use super::shape::{matrix_json, medium};
-use super::texture::{constant, image, unsigned};
+use super::shape::medium;
+use super::texture::{constant, image};
 use super::transform::affine;
 use crate::ConvertError;
-
-type Fields = Map<String, serde_json::Value>;
+use crate::parts::{Fields, fields, transform, unsigned};
 
 /// Radiance of the light that a shape is.
 pub(super) fn emission(out: &mut Output<'_>, index: usize) -> Result<[f64; 3], ConvertError> {
@@ -57,11 +56,6 @@ pub(super) fn emitter(out: &mut Output<'_>, index: usize) -> Result<(), ConvertE
     Ok(())
 }
 
-fn fields<const N: usize>(kind: &str, parameters: [(&str, serde_json::Value); N]) -> Fields {
-    let parameters = parameters.into_iter().map(|(name, value)| (name.to_owned(), value));
-    std::iter::once(("type".to_owned(), json!(kind))).chain(parameters).collect()
-}
-
 /// A colour of light, 1 unless given; 0, with a note, where it varies.
 fn strength(
     out: &mut Output<'_>,
@@ -71,7 +65,12 @@ fn strength(
 ) -> Result<[f64; 3], ConvertError> {
     let Some(property) = object.get(name) else { return Ok([1.0; 3]) };
     let Some(rgb) = constant(out, property, Role::Light)? else {
-        let text = format!("a texture as the {name} of a {}: {otherwise}", object.title());
+        let what = if let Value::Object(index) = property.value {
+            out.scene.objects[index].title()
+        } else {
+            "texture".to_owned()
+        };
+        let text = format!("a {what} as the {name} of a {}: {otherwise}", object.title());
         out.untranslated(&property.place, text);
         return Ok([0.0; 3]);
     };
@@ -147,13 +146,14 @@ fn environment(out: &mut Output<'_>, object: &Object) -> Result<Option<Fields>, 
     let path = out.file("textures", &source);
     let mut found =
         fields("environment", [("radiance", json!([scale, scale, scale])), ("image", json!(path))]);
-    found.insert("rows_at_poles".to_owned(), json!(true));
+    // Version 0.6 has the centres of its outer texels half a texel from the poles.
+    found.insert("rows_at_poles".to_owned(), json!(!out.scene.legacy));
     let turn = DAffine3::from_mat3(affine(&object.transform("to_world")?).matrix3);
     if turn.matrix3.determinant() == 0.0 {
         return Err(object.place.error("found a transform that cannot be inverted, expected a rotation"));
     }
     if turn != DAffine3::IDENTITY {
-        found.insert("transform".to_owned(), matrix_json(&turn));
+        found.insert("transform".to_owned(), transform(&turn));
     }
     Ok(Some(found))
 }

@@ -16,7 +16,8 @@ use super::value;
 use super::xml::{self, Attributes, Element};
 use crate::{ConvertError, Note, NoteKind};
 
-/// Most bytes of a scene's XML files together; a file that is included twice counts twice.
+/// Most bytes of a scene's XML files and of what its variables stand for, together; a file that is included twice counts
+/// twice, a variable as often as it is used.
 const MAX_BYTES: u64 = 64 << 20;
 /// Most bytes of a file with a spectrum.
 const MAX_SPECTRUM: u64 = 1 << 20;
@@ -24,6 +25,14 @@ const MAX_SPECTRUM: u64 = 1 << 20;
 const MAX_INCLUDES: usize = 15;
 /// Deepest nesting of objects, through references and included files.
 const MAX_DEPTH: usize = 64;
+/// Most variables, and the longest name of one in bytes.
+const MAX_DEFAULTS: usize = 4096;
+const MAX_VARIABLE: usize = 100;
+/// Most folders in which files are looked for.
+const MAX_FOLDERS: usize = 64;
+/// Ids that are compared with one that is not there: so many, and so long in bytes.
+const MAX_NEAR: usize = 4096;
+const MAX_NEAR_ID: usize = 64;
 
 /// Everything that a scene's XML says.
 #[derive(Debug)]
@@ -96,7 +105,7 @@ struct Loader {
     legacy: bool,
     /// The files that are being read, each included by the one before.
     including: Vec<PathBuf>,
-    /// Bytes left of the limit.
+    /// Bytes left of the limit for all text.
     left: u64,
 }
 
@@ -180,11 +189,7 @@ impl Loader {
                 .ok_or_else(|| place.error(format!("found <{}> without {name:?}", element.tag)))
         };
         match element.tag.as_str() {
-            "default" => {
-                let (name, value) = (need("name")?.to_owned(), need("value")?.to_owned());
-                self.defaults.entry(name).or_insert(value);
-                return Ok(());
-            }
+            "default" => return self.variable(need("name")?, need("value")?, place),
             "path" => return self.folder(need("value")?, place),
             "include" => return self.include(need("filename")?, place, into, depth),
             "alias" => return self.alias(need("id")?, need("as")?, place),
@@ -223,15 +228,17 @@ impl Loader {
                 Some(name) => self.spectrum_file(name)?,
                 None => Color::spectrum(text()?)?,
             }),
+            "blackbody" => Value::Color(blackbody(attributes)?),
             "point" | "vector" => Value::Vector(transform::xyz(attributes, 0.0)?),
             _ => return Ok(None),
         }))
     }
 
-    fn transform(&self, element: &Element) -> Result<DMat4, ConvertError> {
+    fn transform(&mut self, element: &Element) -> Result<DMat4, ConvertError> {
         let mut whole = DMat4::IDENTITY;
         for child in &element.children {
-            let operation = transform::operation(&child.tag, &self.substitute(child)?);
+            let attributes = self.substitute(child)?;
+            let operation = transform::operation(&child.tag, &attributes, self.legacy);
             whole = operation.map_err(|message| child.place.error(message))? * whole;
         }
         if whole.is_finite() {
@@ -252,37 +259,64 @@ impl Loader {
         Color::table_file(&text).map_err(|error| wrong(&error))
     }
 
-    /// The attributes of an element with `$name` replaced by the value of the default `name`.
-    fn substitute(&self, element: &Element) -> Result<Attributes, ConvertError> {
-        let replace = |(name, value): &(String, String)| {
-            let value =
-                if value.contains('$') { self.replace(value, &element.place)? } else { value.clone() };
-            Ok((name.clone(), value))
-        };
-        element.attributes.0.iter().map(replace).collect::<Result<_, _>>().map(Attributes)
+    /// Gives a variable its value, unless it has one.
+    fn variable(&mut self, name: &str, value: &str, place: &Place) -> Result<(), ConvertError> {
+        let length = name.len();
+        if !(1..=MAX_VARIABLE).contains(&length) {
+            let message =
+                format!("found a <default> whose name has {length} bytes, expected 1 to {MAX_VARIABLE}");
+            return Err(place.error(message));
+        }
+        if self.defaults.contains_key(name) {
+            return Ok(());
+        }
+        if self.defaults.len() == MAX_DEFAULTS {
+            return Err(place.error(format!("found more than {MAX_DEFAULTS} variables, which is the limit")));
+        }
+        self.defaults.insert(name.to_owned(), value.to_owned());
+        Ok(())
     }
 
-    fn replace(&self, text: &str, place: &Place) -> Result<String, ConvertError> {
+    /// The attributes of an element with `$name` replaced by the value of the default `name`.
+    fn substitute(&mut self, element: &Element) -> Result<Attributes, ConvertError> {
+        let mut attributes = element.attributes.clone();
+        for (_, value) in attributes.0.iter_mut().filter(|(_, value)| value.contains('$')) {
+            *value = self.replace(value, &element.place)?;
+        }
+        Ok(attributes)
+    }
+
+    /// Text with its variables replaced. What they stand for counts as if it were read: variables of variables would
+    /// make any amount of text out of a few lines.
+    fn replace(&mut self, text: &str, place: &Place) -> Result<String, ConvertError> {
         let mut parts = text.split('$');
         let mut out = parts.next().unwrap_or_default().to_owned();
         for part in parts {
             // The longest name wins: $size_x is not $size and then "_x".
-            let name = self
-                .defaults
-                .keys()
-                .filter(|name| part.starts_with(name.as_str()))
-                .max_by_key(|name| name.len());
-            let Some(name) = name else {
-                let known: Vec<&str> = self.defaults.keys().map(String::as_str).collect();
-                let known = if known.is_empty() { "there is none".to_owned() } else { known.join(", ") };
-                return Err(
-                    place.error(format!("found {text:?}, expected a variable that has a <default>: {known}"))
-                );
-            };
-            out += &self.defaults[name];
+            let mut names = (1..=part.len().min(MAX_VARIABLE)).rev().filter_map(|length| part.get(..length));
+            let found = names.find_map(|name| self.defaults.get_key_value(name));
+            let (name, value) = found.ok_or_else(|| self.unknown(text, place))?;
+            let size = value.len() as u64;
+            self.left = self.left.checked_sub(size).ok_or_else(|| {
+                let left = self.left;
+                place.error(format!(
+                    "found ${name}, which stands for {size} bytes, {left} are left of the limit of {MAX_BYTES} for all XML"
+                ))
+            })?;
+            out += value;
             out += &part[name.len()..];
         }
         Ok(out)
+    }
+
+    fn unknown(&self, text: &str, place: &Place) -> ConvertError {
+        let known: Vec<&str> = self.defaults.keys().take(20).map(String::as_str).collect();
+        let known = match self.defaults.len() {
+            0 => "there is none".to_owned(),
+            count if count > known.len() => format!("{}, …", known.join(", ")),
+            _ => known.join(", "),
+        };
+        place.error(format!("found {text:.80?}, expected a variable that has a <default>: {known}"))
     }
 
     /// Another folder to look for files in, before all others.
@@ -290,6 +324,9 @@ impl Loader {
         let found = self.folders.iter().map(|folder| folder.join(name)).find(|path| path.is_dir());
         let found =
             found.ok_or_else(|| place.error(format!("found the folder {name:?}, which does not exist")))?;
+        if self.folders.len() > MAX_FOLDERS {
+            return Err(place.error(format!("found more than {MAX_FOLDERS} <path>, which is the limit")));
+        }
         self.folders.insert(0, found);
         Ok(())
     }
@@ -335,13 +372,21 @@ impl Loader {
     }
 }
 
+/// The light of a hot body, as version 0.6 writes it: its temperature with or without a K, and a factor.
+fn blackbody(attributes: &Attributes) -> Result<Color, String> {
+    let kelvin = attributes.get("temperature").ok_or("found <blackbody> without \"temperature\"")?.trim();
+    let kelvin = value::number(kelvin.strip_suffix(['K', 'k']).unwrap_or(kelvin))?;
+    let scale = attributes.get("scale").map_or(Ok(1.0), value::number)?;
+    Color::blackbody(kelvin, scale)
+}
+
 /// Replaces references by the objects they name.
 fn link(objects: &mut [Object], ids: &BTreeMap<String, (usize, Place)>) -> Result<(), ConvertError> {
     for object in objects.iter_mut() {
         for property in &mut object.properties {
             let Value::Reference(id) = &property.value else { continue };
             let Some((index, _)) = ids.get(id) else {
-                let near = ids.keys().min_by_key(|known| strsim::damerau_levenshtein(known, id));
+                let near = nearest(ids, id);
                 let error = property
                     .place
                     .error(format!("found a reference to {id:?}, expected the id of an object"));
@@ -354,6 +399,13 @@ fn link(objects: &mut [Object], ids: &BTreeMap<String, (usize, Place)>) -> Resul
         }
     }
     check_depth(objects)
+}
+
+/// The id that is spelt most like another one. Comparing takes the product of their lengths, so long ones are left out.
+fn nearest<'a>(ids: &'a BTreeMap<String, (usize, Place)>, wanted: &str) -> Option<&'a String> {
+    let short = |id: &str| id.len() <= MAX_NEAR_ID;
+    let known = ids.keys().filter(|known| short(known) && short(wanted)).take(MAX_NEAR);
+    known.min_by_key(|known| strsim::damerau_levenshtein(known, wanted))
 }
 
 /// Refuses circles and chains that are too long to follow.

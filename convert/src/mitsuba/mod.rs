@@ -50,11 +50,19 @@ pub(crate) fn convert(path: &Path) -> Result<Converted, ConvertError> {
             }
             "bsdf" => drop(bsdf::material(&mut out, index, "material")?),
             "shape" => shape::shape(&mut out, index)?,
+            // Shapes refer to it.
+            "emitter" if object.plugin == "area" => {}
             "emitter" => emitter::emitter(&mut out, index)?,
             "medium" => shape::medium(&mut out, index),
             // They are looked up where they are referred to.
             "texture" | "spectrum" | "rfilter" | "sampler" | "film" | "phase" | "volume" => {}
             _ => out.untranslated(&object.place, format!("a {}", object.title())),
+        }
+    }
+    for (_, index) in root.nested() {
+        let object = &scene.objects[index];
+        if object.tag == "emitter" && !object.converted.get() {
+            out.untranslated(&object.place, format!("a {} that no shape refers to", object.title()));
         }
     }
     if sensors == 0 {

@@ -9,10 +9,8 @@ use serde_json::{Map, Value as Json, json};
 use super::load::{Scene, find};
 use super::object::Object;
 use super::place::Place;
+use crate::parts::{MAX_NAME, allowed, clean_name};
 use crate::{Asset, ConvertError, Converted, Note, NoteKind};
-
-/// Longest name that is made of a scene's own, in bytes; what makes it unique comes behind.
-const MAX_NAME: usize = 100;
 
 /// A table of the document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -99,14 +97,7 @@ impl<'a> Output<'a> {
 
     /// A name that the document allows and that nothing in the table has yet.
     pub(super) fn name(&mut self, table: Table, wanted: &str) -> String {
-        let allowed = |c: char| if c.is_alphanumeric() || matches!(c, '_' | '-' | ' ') { c } else { '_' };
-        let mut name = String::new();
-        for c in wanted.trim().chars().map(allowed) {
-            if name.len() + c.len_utf8() > MAX_NAME {
-                break;
-            }
-            name.push(c);
-        }
+        let mut name = clean_name(wanted);
         if name.is_empty() {
             "unnamed".clone_into(&mut name);
         }
@@ -157,9 +148,7 @@ impl<'a> Output<'a> {
     }
 
     fn asset(&mut self, folder: &str, name: &str, asset: Asset) -> String {
-        let allowed =
-            |c: char| if c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '.') { c } else { '_' };
-        let name: String = name.chars().map(allowed).collect();
+        let name: String = name.chars().map(|c| if c == '.' { c } else { allowed(c) }).collect();
         let (stem, ending) = name.rsplit_once('.').unwrap_or((&name, ""));
         let stem: String = stem.trim_start_matches('.').chars().take(MAX_NAME).collect();
         let numbered = |number: u32| match number {
@@ -183,7 +172,9 @@ impl<'a> Output<'a> {
                 document.insert(name.to_owned(), Json::Object(entries));
             }
         }
-        let order = |file: &str| self.scene.files.iter().position(|known| &**known == file);
+        // Of a file that was opened twice the first place counts.
+        let files = self.scene.files.iter().enumerate().rev();
+        let order: BTreeMap<&str, usize> = files.map(|(at, file)| (&**file, at)).collect();
         let mut notes = self.scene.notes.clone();
         notes.extend(self.notes.into_iter().map(|(place, kind, text)| Note {
             file: place.file.to_string(),
@@ -191,7 +182,7 @@ impl<'a> Output<'a> {
             kind,
             text,
         }));
-        notes.sort_by_key(|note| (order(&note.file), note.line));
+        notes.sort_by_key(|note| (order.get(note.file.as_str()).copied(), note.line));
         let mut seen = BTreeSet::new();
         notes.retain(|note| seen.insert((note.file.clone(), note.line, note.text.clone())));
         Converted { document: Json::Object(document), assets: self.assets, notes }

@@ -5,10 +5,11 @@ use serde_json::{Map, Value as Json, json};
 
 use super::object::Object;
 use super::output::Output;
-use super::shape::{matrix_json, medium};
+use super::shape::medium;
 use super::transform::affine;
 use super::value;
 use crate::ConvertError;
+use crate::parts::transform;
 
 /// Most samples per pixel of a document.
 const MAX_SPP: u32 = 1 << 24;
@@ -67,7 +68,7 @@ fn camera(out: &mut Output<'_>, object: &Object, aspect: f64) -> Result<Json, Co
     let mut fields = Map::new();
     fields.insert("type".to_owned(), json!("perspective"));
     fields.insert("vfov".to_owned(), json!(vfov));
-    fields.insert("transform".to_owned(), matrix_json(&map));
+    fields.insert("transform".to_owned(), transform(&map));
     let far = object.number_or("far_clip", 1.0e4)?;
     let focus = object.number_or("focus_distance", far)?;
     let radius = if thin { object.number_or("aperture_radius", 0.0)? } else { 0.0 };

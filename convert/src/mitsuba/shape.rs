@@ -10,9 +10,10 @@ use super::normals;
 use super::object::Object;
 use super::output::{Output, Table};
 use super::primitive;
-use super::texture::{ending, unsigned};
+use super::texture::ending;
 use super::transform::{affine, similarity, tangents};
 use crate::ConvertError;
+use crate::parts::{transform, unsigned};
 
 /// How a shape looks, whatever it is.
 struct Look {
@@ -54,13 +55,16 @@ fn title(object: &Object) -> &str {
 
 /// Material, light and side of a shape.
 fn look(out: &mut Output<'_>, object: &Object, name: &str) -> Result<Look, ConvertError> {
-    let (mut bsdf, mut light) = (None, [0.0; 3]);
+    let (mut bsdf, mut light, mut boundary) = (None, None, false);
     for (property, index) in object.nested() {
         let inner = &out.scene.objects[index];
         match inner.tag.as_str() {
             "bsdf" if bsdf.is_none() => bsdf = Some(index),
-            "emitter" => light = emission(out, index)?,
-            "medium" => medium(out, index),
+            "emitter" => light = Some(emission(out, index)?),
+            "medium" => {
+                boundary = true;
+                medium(out, index);
+            }
             // Whatever it is, it stays unused and is noted.
             _ => continue,
         }
@@ -68,9 +72,37 @@ fn look(out: &mut Output<'_>, object: &Object, name: &str) -> Result<Look, Conve
     }
     let material = match bsdf {
         Some(index) => material(out, index, name)?,
-        None => default_material(out),
+        // A light is one, however little it shines.
+        None => default_material(out, light.is_some(), boundary),
     };
-    Ok(Look { material, emission: light, flip: object.flag("flip_normals", false)? })
+    let flip = object.flag("flip_normals", false)?;
+    Ok(Look { material, emission: light.unwrap_or_default(), flip })
+}
+
+/// Says where y of a normal map points the other way: here it runs along v, in Mitsuba along the normal × u. These are
+/// opposite where an image on the surface appears mirrored, from the side of its normal; `mirrored` says whether it does
+/// on the shape as it was made, which is not known of a mesh from a file.
+fn note_normal_map(
+    out: &mut Output<'_>,
+    object: &Object,
+    look: &Look,
+    map: &DAffine3,
+    mirrored: Option<bool>,
+) {
+    let mapped = |material: &Json| material.get("normal_map").is_some();
+    if !out.get(Table::Materials, &look.material).is_some_and(mapped) {
+        return;
+    }
+    let turned = (map.matrix3.determinant() < 0.0) != look.flip;
+    let place = match mirrored {
+        Some(mirrored) if mirrored == turned => return,
+        Some(_) => "here",
+        None => "where texture coordinates are mirrored",
+    };
+    let text = format!(
+        "y of a normal map runs along v, in Mitsuba along the normal × u, which is the other way {place}"
+    );
+    out.differs(&object.place, text);
 }
 
 /// Says once that a medium is missing.
@@ -88,16 +120,7 @@ fn placed(map: &DAffine3, object: &Object) -> Result<Json, ConvertError> {
             place.error("found a transform that cannot be inverted, expected one that flattens nothing");
         return Err(error.with_hint("a scale of 0 along one direction is one cause"));
     }
-    Ok(matrix_json(map))
-}
-
-/// A transform of the document.
-pub(super) fn matrix_json(map: &DAffine3) -> Json {
-    let row = |index: usize| {
-        let row = map.matrix3.row(index);
-        [row.x, row.y, row.z, map.translation[index]].map(unsigned)
-    };
-    json!({"matrix": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]})
+    Ok(transform(map))
 }
 
 /// Places a mesh.
@@ -143,7 +166,13 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
             place.error(format!("found the file {file_name:?}, expected a name that ends in .{expected}"))
         );
     }
-    object.ignore(&["shape_index", "collapse", "load_materials", "srgb"]);
+    object.ignore(&["collapse", "srgb"]);
+    if object.integer("shape_index")?.is_some_and(|index| index >= 0) {
+        out.untranslated(&object.place, "shape_index: the whole file is placed, not one of its meshes");
+    }
+    if object.flag("load_materials", false)? {
+        out.untranslated(&object.place, "load_materials: the materials of the .mtl file");
+    }
     if object.number("max_smooth_angle")?.is_some() {
         out.differs(&object.place, "edges over max_smooth_angle are smooth too");
     }
@@ -178,7 +207,9 @@ fn file(out: &mut Output<'_>, object: &Object, to_world: &DMat4) -> Result<(), C
         out.meshes.insert(key, mesh.clone());
         mesh
     };
-    instance(out, object, (name, mesh), &affine(to_world), &look)
+    let map = affine(to_world);
+    note_normal_map(out, object, &look, &map, None);
+    instance(out, object, (name, mesh), &map, &look)
 }
 
 /// A shape that becomes a mesh of its own, shared by all of its kind.
@@ -197,6 +228,8 @@ fn made(
     if matches!(kind, "sphere" | "cylinder") && map.matrix3.determinant() < 0.0 {
         look.flip = !look.flip;
     }
+    // An image on these three appears mirrored.
+    note_normal_map(out, object, &look, &map, Some(matches!(kind, "rectangle" | "disk" | "cylinder")));
     let key = format!("made|{kind}");
     let mesh = if let Some(mesh) = out.meshes.get(&key) {
         mesh.clone()

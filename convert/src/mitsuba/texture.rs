@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
-use glam::{DAffine2, DMat2, DVec2};
-use serde_json::{Map, Value as Json, json};
+use glam::{DAffine2, DVec2};
+use serde_json::{Value as Json, json};
 
 use super::color::{Color, Role};
 use super::object::{Object, Property, Value};
 use super::output::Output;
 use super::transform::affine_uv;
 use crate::ConvertError;
+use crate::parts::{FLIP_V, Fields, fields, transform_uv};
 
 /// Endings of the images that documents may name.
 const IMAGES: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
@@ -82,6 +83,14 @@ fn constant_object(out: &mut Output<'_>, index: usize, role: Role) -> Result<Opt
                 wavelengths.into_iter().zip(values).map(|(wavelength, value)| [wavelength, value]).collect();
             Color::table(pairs).map_err(|message| object.place.error(message))?
         }
+        "blackbody" => {
+            // Its temperature may be a texture.
+            if object.get("temperature").is_none_or(|found| matches!(found.value, Value::Object(_))) {
+                return Ok(None);
+            }
+            let temperature = object.number_or("temperature", 0.0)?;
+            Color::blackbody(temperature, 1.0).map_err(|message| object.place.error(message))?
+        }
         _ => return Ok(None),
     };
     object.converted.set(true);
@@ -149,11 +158,8 @@ fn bitmap(out: &mut Output<'_>, object: &Object) -> Result<Option<Json>, Convert
     let place = object.get("filename").map_or(&object.place, |property| &property.place);
     let Some(source) = image(out, name, place)? else { return Ok(None) };
     object.ignore(&["format", "accel", "cache", "max_anisotropy"]);
-    let linear = object.flag("raw", false)? || LINEAR.contains(&ending(&source).as_str());
-    let linear = linear || object.number("gamma")?.is_some_and(|gamma| gamma == 1.0);
-    let mut fields = Map::new();
-    fields.insert("type".to_owned(), json!("image"));
-    fields.insert("file".to_owned(), json!(out.file("textures", &source)));
+    let linear = is_linear(out, object, &source)?;
+    let mut fields = fields("image", [("file", json!(out.file("textures", &source)))]);
     fields.insert("color_space".to_owned(), json!(if linear { "linear" } else { "srgb" }));
     if let Some(channel) = channel(out, object)? {
         fields.insert("channel".to_owned(), json!(channel));
@@ -167,9 +173,21 @@ fn bitmap(out: &mut Output<'_>, object: &Object) -> Result<Option<Json>, Convert
         fields.insert("filter".to_owned(), json!("nearest"));
     }
     // Mitsuba's v runs downwards: there and back around its transform.
-    let flip = DAffine2 { matrix2: DMat2::from_diagonal(DVec2::new(1.0, -1.0)), translation: DVec2::Y };
-    put_transform(&mut fields, flip * to_uv(object)? * flip);
+    put_transform(&mut fields, FLIP_V * to_uv(object)? * FLIP_V);
     Ok(Some(Json::Object(fields)))
+}
+
+/// Whether the numbers of an image are taken as they are, and not along the curve of sRGB.
+fn is_linear(out: &mut Output<'_>, object: &Object, source: &Path) -> Result<bool, ConvertError> {
+    let proportional = LINEAR.contains(&ending(source).as_str());
+    let gamma = object.number("gamma")?;
+    let linear = object.flag("raw", false)? || proportional || gamma == Some(1.0);
+    // Version 0.6 takes any exponent, and -1 for sRGB.
+    if let Some(gamma) = gamma.filter(|gamma| *gamma != 1.0 && (*gamma != -1.0 || linear)) {
+        let taken = if linear { "numbers as they are" } else { "sRGB" };
+        out.differs(&object.place, format!("a texture with the gamma {gamma}: taken as {taken}"));
+    }
+    Ok(linear)
 }
 
 /// An image file of the scene; `None`, with a note, where documents cannot name it.
@@ -224,7 +242,7 @@ fn wrap(out: &mut Output<'_>, object: &Object) -> Result<&'static str, ConvertEr
 }
 
 fn checkerboard(out: &mut Output<'_>, object: &Object) -> Result<Json, ConvertError> {
-    let mut fields = Map::from_iter([("type".to_owned(), json!("checkerboard"))]);
+    let mut fields = fields("checkerboard", []);
     for (name, default) in [("color0", 0.4), ("color1", 0.2)] {
         let mut shade = [default; 3];
         if let Some(property) = object.get(name) {
@@ -236,8 +254,7 @@ fn checkerboard(out: &mut Output<'_>, object: &Object) -> Result<Json, ConvertEr
         fields.insert(name.to_owned(), json!(shade));
     }
     // Only into Mitsuba's coordinates: the board has no up, and which field is first must not change.
-    let flip = DAffine2 { matrix2: DMat2::from_diagonal(DVec2::new(1.0, -1.0)), translation: DVec2::Y };
-    put_transform(&mut fields, to_uv(object)? * flip);
+    put_transform(&mut fields, to_uv(object)? * FLIP_V);
     Ok(Json::Object(fields))
 }
 
@@ -254,16 +271,8 @@ fn to_uv(object: &Object) -> Result<DAffine2, ConvertError> {
     Err(object.place.error("found a texture transform whose numbers are not finite"))
 }
 
-fn put_transform(fields: &mut Map<String, Json>, map: DAffine2) {
-    if map == DAffine2::IDENTITY {
-        return;
+fn put_transform(fields: &mut Fields, map: DAffine2) {
+    if map != DAffine2::IDENTITY {
+        fields.insert("transform".to_owned(), transform_uv(&map));
     }
-    let (m, t) = (map.matrix2, map.translation);
-    let rows = [[m.x_axis.x, m.y_axis.x, t.x], [m.x_axis.y, m.y_axis.y, t.y]];
-    fields.insert("transform".to_owned(), json!({ "matrix": rows.map(|row| row.map(unsigned)) }));
-}
-
-/// The same number; 0 without a sign.
-pub(super) fn unsigned(number: f64) -> f64 {
-    if number == 0.0 { 0.0 } else { number }
 }

@@ -5,14 +5,14 @@ use glam::{DAffine2, DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4};
 use super::value::{number, numbers, triple};
 use super::xml::Attributes;
 
-/// The matrix of the operation `tag`.
-pub(super) fn operation(tag: &str, attributes: &Attributes) -> Result<DMat4, String> {
+/// The matrix of the operation `tag`; `legacy` before version 2.
+pub(super) fn operation(tag: &str, attributes: &Attributes, legacy: bool) -> Result<DMat4, String> {
     let need = |name: &str| attributes.get(name).ok_or(format!("found <{tag}> without {name:?}"));
     match tag {
         "translate" => xyz(attributes, 0.0).map(DMat4::from_translation),
         "scale" => xyz(attributes, 1.0).map(DMat4::from_scale),
         "rotate" => rotate(xyz(attributes, 0.0)?, number(need("angle")?)?),
-        "lookat" | "lookAt" => look_at(need("origin")?, need("target")?, attributes.get("up")),
+        "lookat" | "lookAt" => look_at(need("origin")?, need("target")?, attributes.get("up"), legacy),
         "matrix" => matrix(need("value")?),
         other => Err(format!("found <{other}>, expected translate, rotate, scale, lookat or matrix")),
     }
@@ -34,19 +34,29 @@ fn rotate(axis: DVec3, degrees: f64) -> Result<DMat4, String> {
 }
 
 /// z of the local frame points from the origin to the target, and y lies in the plane of z and up.
-fn look_at(origin: &str, target: &str, up: Option<&str>) -> Result<DMat4, String> {
+fn look_at(origin: &str, target: &str, up: Option<&str>, legacy: bool) -> Result<DMat4, String> {
     let [origin, target] = [origin, target].map(|text| triple(text).map(DVec3::from_array));
     let (origin, target) = (origin?, target?);
     let z = (target - origin)
         .try_normalize()
         .ok_or("found a target that is the origin, expected another point")?;
     let up = up.map_or(Ok([0.0; 3]), triple).map(DVec3::from_array)?;
-    let x = if up == DVec3::ZERO { tangents(z).0 } else { up.cross(z).normalize_or_zero() };
+    let up = if up == DVec3::ZERO { some_up(z, legacy) } else { up };
+    let x = up.cross(z).normalize_or_zero();
     if x == DVec3::ZERO {
         return Err("found an up along the line of sight, expected another direction".to_owned());
     }
     let y = z.cross(x);
     Ok(DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), origin.extend(1.0)))
+}
+
+/// The up of a look along z that says none: the first of the two directions that Mitsuba puts beside it.
+fn some_up(z: DVec3, legacy: bool) -> DVec3 {
+    if !legacy {
+        return tangents(z).0;
+    }
+    let beside = if z.x.abs() > z.y.abs() { DVec3::new(z.z, 0.0, -z.x) } else { DVec3::new(0.0, z.z, -z.y) };
+    beside.normalize().cross(z)
 }
 
 /// Two directions that make a right-handed frame with a unit vector (Duff et al. 2017).
@@ -102,10 +112,14 @@ mod tests {
     use glam::{DMat4, DVec2, DVec3};
 
     fn whole(text: &str) -> Result<DMat4, String> {
+        read(text, false)
+    }
+
+    fn read(text: &str, legacy: bool) -> Result<DMat4, String> {
         let root = parse(&format!("<transform>{text}</transform>"), &"a.xml".into()).unwrap();
-        root.children
-            .iter()
-            .try_fold(DMat4::IDENTITY, |before, child| Ok(operation(&child.tag, &child.attributes)? * before))
+        root.children.iter().try_fold(DMat4::IDENTITY, |before, child| {
+            Ok(operation(&child.tag, &child.attributes, legacy)? * before)
+        })
     }
 
     fn maps(text: &str, from: [f64; 3], to: [f64; 3]) {
@@ -131,6 +145,23 @@ mod tests {
         maps(look, [0.0, 1.0, 0.0], [1.0, 3.0, 3.0]);
         maps(look, [1.0, 0.0, 0.0], [2.0, 2.0, 3.0]);
         maps("<lookAt origin='0 0 0' target='0 -2 0'/>", [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_look_without_up_has_that_of_its_version() {
+        for (target, new, old) in [
+            ("0 0 5", [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+            ("5 0 0", [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]),
+            ("0 -5 0", [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+        ] {
+            for (legacy, up) in [(false, new), (true, old)] {
+                for rest in ["", "up='0 0 0'"] {
+                    let text = format!("<lookat origin='0 0 0' target='{target}' {rest}/>");
+                    let found = read(&text, legacy).unwrap().transform_vector3(DVec3::Y);
+                    assert!((found - DVec3::from_array(up)).length() < 1e-12, "{text} {legacy}: {found}");
+                }
+            }
+        }
     }
 
     #[test]

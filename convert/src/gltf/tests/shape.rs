@@ -194,6 +194,13 @@ fn nodes_that_are_no_tree_are_refused() {
         error(&file(json!([{"scale": [1e200, 1, 1], "children": [1]}, {"scale": [1e200, 1, 1]}]))),
         "a.gltf: nodes[1]: its place in the world is not finite"
     );
+    // Before anything below is looked at: what waits to be visited must not outgrow the nodes.
+    let bad = json!({"rotation": [0, 0, 0, 0]});
+    let many = vec![1; 1000];
+    assert_eq!(error(&file(json!([{"children": many}, bad]))), format!("a.gltf: nodes[1]: {twice}"));
+    let mut roots = file(json!([bad]));
+    roots["scenes"] = json!([{"nodes": [0, 0]}]);
+    assert_eq!(error(&roots), format!("a.gltf: nodes[0]: {twice}"));
 }
 
 #[test]

@@ -151,3 +151,71 @@ fn long_chains_of_references_end() {
     }
     assert!(scene(&wide).is_ok(), "every object is looked at once");
 }
+
+#[test]
+fn variables_of_variables_end() {
+    // Twice as much text on every line.
+    let mut text = String::from("<default name='a0' value='xxxxxxxxxx'/>\n");
+    for level in 1..40 {
+        let _ = writeln!(text, "<default name='a{level}' value='$a{0}$a{0}'/>", level - 1);
+    }
+    let error = scene(&text).unwrap_err();
+    assert!(error.starts_with("DIR/scene.xml:24: found $a21, which stands for 20971520 bytes, "), "{error}");
+    assert!(error.ends_with(" are left of the limit of 67108864 for all XML"), "{error}");
+    // One long one that is used often, also in transforms.
+    let long = format!("<default name='zero' value='0{}'/>\n", " ".repeat(1 << 20));
+    let uses = |count: usize| {
+        let shape =
+            "<shape type='cube'><transform name='to_world'><translate x='$zero'/></transform></shape>";
+        format!("{long}{}", shape.repeat(count))
+    };
+    assert!(scene(&uses(60)).is_ok());
+    let error = scene(&uses(64)).unwrap_err();
+    assert!(error.starts_with("DIR/scene.xml:3: found $zero, which stands for 1048577 bytes, "), "{error}");
+}
+
+#[test]
+fn variables_and_folders_have_limits() {
+    let defaults = |count: u32| {
+        let mut text = String::new();
+        for at in 0..count {
+            let _ = write!(text, "<default name='v{at}' value='1'/>");
+        }
+        text
+    };
+    assert!(scene(&defaults(4096)).is_ok());
+    assert!(scene(&format!("{0}{0}", defaults(4096))).is_ok(), "the first value stays");
+    let error = scene(&defaults(4097)).unwrap_err();
+    assert_eq!(error, "DIR/scene.xml:2: found more than 4096 variables, which is the limit");
+    for (name, length) in [(String::new(), 0), ("n".repeat(101), 101)] {
+        let error = scene(&format!("<default name='{name}' value='1'/>")).unwrap_err();
+        let expected = format!("found a <default> whose name has {length} bytes, expected 1 to 100");
+        assert_eq!(error, format!("DIR/scene.xml:2: {expected}"));
+    }
+    let error = scene(&format!("{}<float name='x' value='$w'/>", defaults(30))).unwrap_err();
+    assert!(
+        error
+            .starts_with("DIR/scene.xml:2: found \"$w\", expected a variable that has a <default>: v0, v1, ")
+    );
+    assert!(error.ends_with(", …") && error.len() < 250, "{error}");
+    assert!(scene(&"<path value='.'/>".repeat(64)).is_ok());
+    let error = scene(&"<path value='.'/>".repeat(65)).unwrap_err();
+    assert_eq!(error, "DIR/scene.xml:2: found more than 64 <path>, which is the limit");
+}
+
+#[test]
+fn names_of_variables_may_begin_alike() {
+    let text = "<default name='a' value='1'/><default name='ab' value='2'/><default name='ä' value='3'/>\
+        <bsdf type='diffuse' id='m'><rgb name='reflectance' value='0.$a 0.$abc 0.$ä'/></bsdf>";
+    assert_eq!(scene(text).unwrap_err(), "DIR/scene.xml:2: found \"0.2c\", expected a number");
+    let found = scene(&text.replace("abc", "ab")).unwrap().document;
+    assert_eq!(found["materials"]["m"]["reflectance"], serde_json::json!([0.1, 0.2, 0.3]));
+}
+
+#[test]
+fn long_ids_are_not_compared() {
+    let long = "i".repeat(30_000);
+    let text = format!("<bsdf type='diffuse' id='{long}'/><shape type='cube'><ref id='{long}x'/></shape>");
+    let error = scene(&text).unwrap_err();
+    assert!(error.starts_with("DIR/scene.xml:2: found a reference to \"iii") && !error.contains("hint"));
+}

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{SENSOR, folder, material, near, notes, scene, within};
+use super::{SENSOR, folder, material, near, notes, older, scene, within};
 use crate::NoteKind;
 
 #[test]
@@ -46,12 +46,19 @@ fn materials_become_these() {
         (
             "<bsdf type='disneybsdf'><rgb name='baseColor' value='0.1 0.2 0.3'/><float name='clearcoatGloss' value='0.4'/>\
              <float name='eta' value='1.4'/></bsdf>",
-            json!({"type": "principled_bsdf", "base_color": [0.1, 0.2, 0.3], "clearcoat_gloss": 0.4, "eta": 1.4,
-                "two_sided": false}),
+            json!({"type": "principled_bsdf", "base_color": [0.1, 0.2, 0.3], "specular_transmission": 0.0,
+                "metallic": 0.0, "subsurface": 0.0, "specular": 0.5, "roughness": 0.5, "specular_tint": 0.0,
+                "anisotropic": 0.0, "sheen": 0.0, "sheen_tint": 0.5, "clearcoat": 0.0, "clearcoat_gloss": 0.4,
+                "eta": 1.4, "two_sided": false}),
         ),
         (
             "<bsdf type='disneyglass'><float name='roughness' value='0.3'/></bsdf>",
-            json!({"type": "disney_glass", "roughness": 0.3}),
+            json!({"type": "disney_glass", "base_color": [0.5, 0.5, 0.5], "roughness": 0.3, "anisotropic": 0.0,
+                "eta": 1.5}),
+        ),
+        (
+            "<bsdf type='disneyclearcoat'/>",
+            json!({"type": "disney_clearcoat", "clearcoat_gloss": 1.0, "two_sided": false}),
         ),
         (
             "<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='twosided'><bsdf type='diffuse'/></bsdf></bsdf>",
@@ -72,9 +79,9 @@ fn metals_have_their_indices() {
     assert!(
         material("<bsdf type='conductor'><string name='material' value='none'/></bsdf>").get("eta").is_none()
     );
-    let old = format!("<scene version='0.5.0'>{SENSOR}<bsdf type='conductor' id='m'/></scene>");
-    let old = within(&folder(&[("scene.xml", &old)])).unwrap();
-    assert_eq!(old.document["materials"]["m"]["eta"][0], 0.200_437_697, "copper in old scenes");
+    let old = older("<bsdf type='conductor' id='m'/>").unwrap();
+    // Copper, in air.
+    near(&old.document["materials"]["m"]["eta"][0], 0.200_437_697 / 1.000_277);
 }
 
 #[test]
@@ -138,4 +145,27 @@ fn maps_and_bumps_become_fields_of_the_material() {
     assert_eq!((&materials["b"]["bump"], &materials["b"]["bump_scale"]), (&image, &json!(2.0)));
     assert_eq!((&materials["o"]["bump"], &materials["o"]["bump_scale"]), (&image, &json!(3.0)));
     assert_eq!(materials["n"]["normal_map"], image);
+}
+
+#[test]
+fn other_curves_than_that_of_srgb_are_told() {
+    let files = [("a.png", ""), ("n.exr", "")];
+    for (name, gamma, space, note) in [
+        ("a.png", "-1", "srgb", None),
+        ("a.png", "1", "linear", None),
+        ("a.png", "2.2", "srgb", Some("a texture with the gamma 2.2: taken as sRGB")),
+        ("n.exr", "1", "linear", None),
+        ("n.exr", "-1", "linear", Some("a texture with the gamma -1: taken as numbers as they are")),
+    ] {
+        let text = format!(
+            "<scene version='0.6.0'>{SENSOR}<bsdf type='diffuse' id='m'><texture name='reflectance' type='bitmap'>\
+             <string name='filename' value='{name}'/><float name='gamma' value='{gamma}'/></texture></bsdf></scene>"
+        );
+        let mut files = files.to_vec();
+        files.push(("scene.xml", &text));
+        let found = within(&folder(&files)).unwrap();
+        assert_eq!(found.document["materials"]["m"]["reflectance"]["color_space"], space, "{name} {gamma}");
+        let expected: Vec<String> = note.map(|note| format!("1 Differs {note}")).into_iter().collect();
+        assert_eq!(notes(&found), expected, "{name} {gamma}");
+    }
 }

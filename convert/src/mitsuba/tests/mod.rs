@@ -33,6 +33,11 @@ fn scene(inner: &str) -> Result<Converted, String> {
     within(&folder(&[("scene.xml", &format!("<scene version='3.0.0'>{SENSOR}\n{inner}</scene>"))]))
 }
 
+/// The same of version 0.6.
+fn older(inner: &str) -> Result<Converted, String> {
+    within(&folder(&[("scene.xml", &format!("<scene version='0.6.0'>{SENSOR}\n{inner}</scene>"))]))
+}
+
 fn document(inner: &str) -> Value {
     scene(inner).unwrap().document
 }
@@ -169,4 +174,22 @@ fn variables_includes_and_aliases_are_resolved() {
     let found = within(&folder).unwrap().document;
     assert_eq!(found["materials"]["grey"]["reflectance"], json!([0.1, 0.2, 0.1]));
     assert_eq!(found["spheres"]["ball"]["material"], "grey");
+}
+
+#[test]
+fn notes_stand_in_the_order_in_which_files_were_opened() {
+    let folder = folder(&[
+        (
+            "scene.xml",
+            &format!(
+                "<scene>\n<include filename='b.xml'/>{SENSOR}\n<include filename='a.xml'/>\n<foo/></scene>"
+            ),
+        ),
+        ("a.xml", "<scene>\n<foo/>\n<include filename='b.xml'/></scene>"),
+        ("b.xml", "<scene>\n\n<foo/>\n<foo/></scene>"),
+    ]);
+    let found = within(&folder).unwrap();
+    let places: Vec<(&str, u32)> =
+        found.notes.iter().map(|note| (note.file.rsplit('/').next().unwrap(), note.line)).collect();
+    assert_eq!(places, [("scene.xml", 4), ("b.xml", 3), ("b.xml", 4), ("a.xml", 2)]);
 }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use super::{SENSOR, TRIANGLE, document, folder, near, notes, scene, within};
+use super::{SENSOR, TRIANGLE, document, folder, near, notes, older, scene, within};
 use crate::{Asset, Converted};
 
 /// The same triangle without normals.
@@ -171,7 +171,8 @@ fn what_is_missing_is_said_with_its_line() {
         "3 Untranslated a shape of type \"hair\"",
         "4 Untranslated a bsdf of type \"phong\": a grey diffuse material stands in for it",
         "5 Untranslated float \"shine\" of a bsdf of type \"diffuse\"",
-        "6 Untranslated a texture as the radiance of a emitter of type \"area\": the shape does not shine",
+        "6 Untranslated a texture of type \"checkerboard\" as the radiance of a emitter of type \"area\": the shape does not \
+         shine",
         "7 Untranslated a bsdf of type \"blendbsdf\": its first bsdf stands in for it",
         "8 Differs reflectance is 2, karst has 0 to 1: taken as 1",
         "9 Untranslated <foo>, which karst does not know",
@@ -188,4 +189,137 @@ fn what_is_missing_is_said_with_its_line() {
     assert_eq!(found.document["integrator"]["max_depth"], 7);
     let nothing: Option<&Value> = found.document.get("lights");
     assert!(nothing.is_none());
+}
+
+#[test]
+fn shapes_without_a_material_get_that_of_their_version() {
+    let lamp = "<emitter type='area'><rgb name='radiance' value='0'/></emitter>";
+    let fog = "<medium type='homogeneous' name='interior'/>";
+    let own = format!("{lamp}<bsdf type='diffuse'/>");
+    let shade =
+        |shade: f64| json!({"type": "diffuse", "reflectance": [shade, shade, shade], "two_sided": false});
+    for (inner, new, old) in [
+        ("", shade(0.5), shade(0.5)),
+        (lamp, shade(0.0), shade(0.0)),
+        (fog, shade(0.5), json!({"type": "null"})),
+        (&format!("{fog}{lamp}"), shade(0.0), shade(0.0)),
+        (&own, shade(0.5), shade(0.5)),
+    ] {
+        for (kind, table) in [("sphere", "spheres"), ("cube", "instances")] {
+            let text = format!("<shape type='{kind}' id='s'>{inner}</shape>");
+            for (found, expected) in [(scene(&text), &new), (older(&text), &old)] {
+                let found = found.unwrap().document;
+                let name = found[table]["s"]["material"].as_str().unwrap();
+                assert_eq!(&found["materials"][name], expected, "{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn area_lights_belong_to_the_shapes_that_refer_to_them() {
+    let lamp = "<emitter type='area' id='lamp'><rgb name='radiance' value='2'/></emitter>";
+    let found = scene(&format!("{lamp}<shape type='sphere' id='s'><ref id='lamp'/></shape>")).unwrap();
+    assert_eq!(found.document["spheres"]["s"]["emission"], json!([2.0, 2.0, 2.0]));
+    assert!(found.document.get("lights").is_none());
+    assert!(notes(&found).is_empty(), "{:?}", notes(&found));
+    let alone = scene(lamp).unwrap();
+    assert_eq!(notes(&alone), ["2 Untranslated a emitter of type \"area\" that no shape refers to"]);
+}
+
+#[test]
+fn parts_of_mesh_files_are_said_to_be_missing() {
+    let with = |inner: &str| notes(&with_meshes(&file("obj", "n.obj", inner)));
+    let some = "<integer name='shapeIndex' value='0'/><boolean name='loadMaterials' value='true'/>";
+    let expected = [
+        "1 Untranslated shape_index: the whole file is placed, not one of its meshes",
+        "1 Untranslated load_materials: the materials of the .mtl file",
+    ];
+    assert_eq!(with(some), expected);
+    let whole = "<integer name='shapeIndex' value='-1'/><boolean name='loadMaterials' value='false'/>";
+    assert!(with(whole).is_empty());
+}
+
+#[test]
+fn hot_bodies_shine_in_both_versions() {
+    let spectrum =
+        "<spectrum type='blackbody' name='intensity'><float name='temperature' value='5000'/></spectrum>";
+    let point = |light: &str| format!("<emitter type='point' id='l'>{light}</emitter>");
+    let new = scene(&point(spectrum)).unwrap();
+    let black = |attributes: &str| older(&point(&format!("<blackbody name='intensity' {attributes}/>")));
+    let old = black("temperature=' 5000 K' scale='0.001'").unwrap();
+    assert!(notes(&new).is_empty() && notes(&old).is_empty(), "{:?} {:?}", notes(&new), notes(&old));
+    let intensity = |found: &Converted| -> [f64; 3] {
+        serde_json::from_value(found.document["lights"]["l"]["intensity"].clone()).unwrap()
+    };
+    let (new, old) = (intensity(&new), intensity(&old));
+    assert!(new[0] > new[1] && new[1] > new[2] && new[2] > 1000.0, "{new:?}");
+    for (new, old) in new.into_iter().zip(old) {
+        assert!((old / new - 0.001).abs() < 1e-9, "{old} {new}");
+    }
+    for (attributes, expected) in [
+        ("", "found <blackbody> without \"temperature\""),
+        ("temperature='hot'", "found \"hot\", expected a number"),
+        ("temperature='-3K'", "found a temperature of -3 K, expected one above 0"),
+    ] {
+        let error = black(attributes).unwrap_err();
+        assert!(error.starts_with(&format!("DIR/scene.xml:2: {expected}")), "{attributes}: {error}");
+    }
+    let varying = spectrum.replace(
+        "<float name='temperature' value='5000'/>",
+        "<texture name='temperature' type='checkerboard'/>",
+    );
+    let dark = scene(&point(&varying)).unwrap();
+    assert_eq!(
+        notes(&dark),
+        [
+            "2 Untranslated a spectrum of type \"blackbody\" as the intensity of a emitter of type \"point\": it does not shine"
+        ]
+    );
+    assert_eq!(intensity(&dark), [0.0; 3]);
+}
+
+#[test]
+fn outer_rows_of_images_of_the_sky_lie_as_in_their_version() {
+    for (version, at_poles) in [("3.0.0", true), ("0.6.0", false)] {
+        let text = format!(
+            "<scene version='{version}'>{SENSOR}<emitter type='envmap' id='sky'><string name='filename' value='i.png'/>\
+             </emitter></scene>"
+        );
+        let found = within(&folder(&[("scene.xml", &text), ("i.png", "")])).unwrap();
+        assert_eq!(found.document["lights"]["sky"]["rows_at_poles"], at_poles, "{version}");
+    }
+}
+
+#[test]
+fn normal_maps_whose_y_points_the_other_way_are_told() {
+    let map = "<bsdf type='normalmap'><texture name='normalmap' type='bitmap'><string name='filename' value='i.png'/>\
+        <boolean name='raw' value='true'/></texture><bsdf type='diffuse'/></bsdf>";
+    let here = Some("here");
+    for (kind, inner, expected) in [
+        ("rectangle", "", here),
+        ("rectangle", MIRROR, None),
+        ("rectangle", FLIP, None),
+        ("rectangle", &format!("{MIRROR}{FLIP}"), here),
+        ("disk", "", here),
+        ("cylinder", "", here),
+        ("cylinder", MIRROR, here),
+        ("cube", "", None),
+        ("cube", MIRROR, here),
+        ("sphere", "", None),
+        ("sphere", MIRROR, None),
+        ("sphere", FLIP, here),
+        ("obj", "", Some("where texture coordinates are mirrored")),
+    ] {
+        let name = if kind == "obj" { "<string name='filename' value='n.obj'/>" } else { "" };
+        let found = |material: &str| -> Vec<String> {
+            let shape = format!("<shape type='{kind}'>{name}{inner}{material}</shape>");
+            let all = notes(&with_meshes(&shape));
+            all.into_iter().filter(|note| note.contains("normal map")).collect()
+        };
+        let start = "1 Differs y of a normal map runs along v, in Mitsuba along the normal × u, which is the other way";
+        let expected: Vec<String> = expected.map(|place| format!("{start} {place}")).into_iter().collect();
+        assert_eq!(found(map), expected, "{kind} {inner}");
+        assert!(found("").is_empty());
+    }
 }
