@@ -4,9 +4,9 @@ use glam::{DAffine3, DVec3};
 use serde_json::json;
 
 use super::color::Role;
+use super::medium::medium;
 use super::object::{Object, Value};
 use super::output::{Output, Table};
-use super::shape::medium;
 use super::texture::{constant, image};
 use super::transform::affine;
 use crate::ConvertError;
@@ -31,7 +31,7 @@ pub(super) fn emitter(out: &mut Output<'_>, index: usize) -> Result<(), ConvertE
     for (property, inner) in object.nested() {
         if out.scene.objects[inner].tag == "medium" {
             property.used.set(true);
-            medium(out, inner);
+            medium(out, inner)?;
         }
     }
     let fields = match object.plugin.as_str() {

@@ -10,6 +10,7 @@ mod color;
 mod emitter;
 mod integrator;
 mod load;
+mod medium;
 mod normals;
 mod object;
 mod output;
@@ -53,7 +54,7 @@ pub(crate) fn convert(path: &Path) -> Result<Converted, ConvertError> {
             // Shapes refer to it.
             "emitter" if object.plugin == "area" => {}
             "emitter" => emitter::emitter(&mut out, index)?,
-            "medium" => shape::medium(&mut out, index),
+            "medium" => drop(medium::medium(&mut out, index)?),
             // They are looked up where they are referred to.
             "texture" | "spectrum" | "rfilter" | "sampler" | "film" | "phase" | "volume" => {}
             _ => out.untranslated(&object.place, format!("a {}", object.title())),
@@ -65,6 +66,7 @@ pub(crate) fn convert(path: &Path) -> Result<Converted, ConvertError> {
             out.untranslated(&object.place, format!("a {} that no shape refers to", object.title()));
         }
     }
+    medium::note_surroundings(&mut out);
     if sensors == 0 {
         return Err(root.place.error("found no sensor, expected one of type perspective or thinlens"));
     }

@@ -20,28 +20,36 @@ pub(super) enum Table {
     Instances,
     Spheres,
     Lights,
+    Media,
 }
 
 /// What stands before the tables.
-const HEAD: [&str; 4] = ["camera", "film", "sampling", "integrator"];
+const HEAD: [&str; 5] = ["camera", "film", "sampling", "integrator", "medium"];
 
 /// The tables in the order of the document.
-const TABLES: [(Table, &str); 5] = [
+const TABLES: [(Table, &str); 6] = [
     (Table::Materials, "materials"),
     (Table::Meshes, "meshes"),
     (Table::Instances, "instances"),
     (Table::Spheres, "spheres"),
     (Table::Lights, "lights"),
+    (Table::Media, "media"),
 ];
 
 /// The document while it is made.
 #[derive(Debug)]
 pub(super) struct Output<'a> {
     pub(super) scene: &'a Scene,
-    /// What stands before the tables: camera, film, sampling, integrator.
+    /// What stands before the tables: camera, film, sampling, integrator, medium.
     pub(super) head: Map<String, Json>,
     /// Names of the materials of objects that have been converted.
     pub(super) materials: BTreeMap<usize, String>,
+    /// Names of the media of objects that have been converted, where documents can have them.
+    pub(super) media: BTreeMap<usize, Option<String>>,
+    /// Names of the media that are inside of something.
+    pub(super) fillings: BTreeSet<String>,
+    /// Media that shapes name as what is around them.
+    pub(super) surroundings: Vec<(Place, String)>,
     /// Names of meshes by what they are made of.
     pub(super) meshes: BTreeMap<String, String>,
     tables: BTreeMap<Table, Map<String, Json>>,
@@ -59,6 +67,9 @@ impl<'a> Output<'a> {
             scene,
             head: Map::new(),
             materials: BTreeMap::new(),
+            media: BTreeMap::new(),
+            fillings: BTreeSet::new(),
+            surroundings: Vec::new(),
             meshes: BTreeMap::new(),
             tables: BTreeMap::new(),
             assets: BTreeMap::new(),

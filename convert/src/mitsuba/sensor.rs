@@ -3,9 +3,9 @@
 use glam::{DAffine3, DMat3, DVec3};
 use serde_json::{Map, Value as Json, json};
 
+use super::medium::medium;
 use super::object::Object;
 use super::output::Output;
-use super::shape::medium;
 use super::transform::affine;
 use super::value;
 use crate::ConvertError;
@@ -24,7 +24,11 @@ pub(super) fn sensor(out: &mut Output<'_>, index: usize) -> Result<(), ConvertEr
         match out.scene.objects[inner].tag.as_str() {
             "film" => film = Some(out.object(inner)),
             "sampler" => (spp, seed) = sampler(out.object(inner))?,
-            "medium" => medium(out, inner),
+            "medium" => {
+                if let Some(name) = medium(out, inner)? {
+                    out.head.insert("medium".to_owned(), json!(name));
+                }
+            }
             // Whatever it is, it stays unused and is noted.
             _ => continue,
         }

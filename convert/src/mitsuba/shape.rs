@@ -6,6 +6,7 @@ use serde_json::{Map, Value as Json, json};
 
 use super::bsdf::{default_material, material, uses_uv};
 use super::emitter::emission;
+use super::medium::medium;
 use super::normals;
 use super::object::Object;
 use super::output::{Output, Table};
@@ -20,6 +21,8 @@ struct Look {
     material: String,
     emission: [f64; 3],
     flip: bool,
+    /// Name of the medium inside.
+    interior: Option<String>,
 }
 
 /// Adds a shape to the document.
@@ -55,7 +58,7 @@ fn title(object: &Object) -> &str {
 
 /// Material, light and side of a shape.
 fn look(out: &mut Output<'_>, object: &Object, name: &str) -> Result<Look, ConvertError> {
-    let (mut bsdf, mut light, mut boundary) = (None, None, false);
+    let (mut bsdf, mut light, mut boundary, mut interior) = (None, None, false, None);
     for (property, index) in object.nested() {
         let inner = &out.scene.objects[index];
         match inner.tag.as_str() {
@@ -63,7 +66,13 @@ fn look(out: &mut Output<'_>, object: &Object, name: &str) -> Result<Look, Conve
             "emitter" => light = Some(emission(out, index)?),
             "medium" => {
                 boundary = true;
-                medium(out, index);
+                let name = medium(out, index)?;
+                if property.name == "interior" {
+                    out.fillings.extend(name.clone());
+                    interior = name;
+                } else if let Some(name) = name {
+                    out.surroundings.push((property.place.clone(), name));
+                }
             }
             // Whatever it is, it stays unused and is noted.
             _ => continue,
@@ -76,7 +85,7 @@ fn look(out: &mut Output<'_>, object: &Object, name: &str) -> Result<Look, Conve
         None => default_material(out, light.is_some(), boundary),
     };
     let flip = object.flag("flip_normals", false)?;
-    Ok(Look { material, emission: light.unwrap_or_default(), flip })
+    Ok(Look { material, emission: light.unwrap_or_default(), flip, interior })
 }
 
 /// Says where y of a normal map points the other way: here it runs along v, in Mitsuba along the normal × u. These are
@@ -103,13 +112,6 @@ fn note_normal_map(
         "y of a normal map runs along v, in Mitsuba along the normal × u, which is the other way {place}"
     );
     out.differs(&object.place, text);
-}
-
-/// Says once that a medium is missing.
-pub(super) fn medium(out: &mut Output<'_>, index: usize) {
-    let object = &out.scene.objects[index];
-    let name = object.id.as_deref().map(|id| format!(" {id:?}")).unwrap_or_default();
-    out.untranslated(&object.place, format!("the medium{name}: documents have no fog yet"));
 }
 
 fn placed(map: &DAffine3, object: &Object) -> Result<Json, ConvertError> {
@@ -149,6 +151,9 @@ fn shine(fields: &mut Map<String, Json>, look: &Look) {
     }
     if look.flip {
         fields.insert("flip_normals".to_owned(), json!(true));
+    }
+    if let Some(interior) = &look.interior {
+        fields.insert("interior".to_owned(), json!(interior));
     }
 }
 

@@ -167,7 +167,7 @@ fn what_is_missing_is_said_with_its_line() {
         <emitter type='sunsky'><float name='turbidity' value='3'/></emitter>\n\
         <integrator type='bdpt'><integer name='maxDepth' value='7'/></integrator>";
     let expected = [
-        "2 Untranslated the medium \"fog\": documents have no fog yet",
+        "2 Differs the medium \"fog\" is kept, but rendered as if it were not there",
         "3 Untranslated a shape of type \"hair\"",
         "4 Untranslated a bsdf of type \"phong\": a grey diffuse material stands in for it",
         "5 Untranslated float \"shine\" of a bsdf of type \"diffuse\"",
@@ -182,7 +182,11 @@ fn what_is_missing_is_said_with_its_line() {
     let found = scene(inner).unwrap();
     assert_eq!(notes(&found), expected);
     let lines: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
-    assert!(lines[0].ends_with("scene.xml:2: not translated: the medium \"fog\": documents have no fog yet"));
+    assert!(
+        lines[0].ends_with(
+            "scene.xml:2: differs: the medium \"fog\" is kept, but rendered as if it were not there"
+        )
+    );
     assert!(lines[6].contains("scene.xml:8: differs: reflectance"));
     assert_eq!(found.document["materials"]["b"], json!({"type": "null"}));
     assert_eq!(found.document["materials"]["d"]["reflectance"], json!([1.0, 1.0, 0.0]));
@@ -322,4 +326,35 @@ fn normal_maps_whose_y_points_the_other_way_are_told() {
         assert_eq!(found(map), expected, "{kind} {inner}");
         assert!(found("").is_empty());
     }
+}
+
+#[test]
+fn media_are_kept() {
+    let fog = "<rgb name='sigma_t' value='1 2 4'/><rgb name='albedo' value='0.5 0.25 0.75'/><float name='scale' value='3'/>";
+    let inner = format!(
+        "<medium type='homogeneous' id='fog'>{fog}<phase type='hg'><float name='g' value='0.995'/></phase></medium>\n\
+         <medium type='heterogeneous' id='smoke'/>\n\
+         <medium type='homogeneous' id='ink'><rgb name='sigmaA' value='1 1 1'/><rgb name='sigmaS' value='0 0 0'/></medium>\n\
+         <shape type='sphere' id='s'><ref name='interior' id='ink'/><ref name='exterior' id='fog'/></shape>\n\
+         <shape type='cube' id='c'><ref name='interior' id='smoke'/></shape>"
+    );
+    let found = scene(&inner).unwrap();
+    let document = &found.document;
+    assert_eq!(
+        document["media"]["fog"],
+        json!({"sigma_a": [0.5, 1.5, 1.0], "sigma_s": [0.5, 0.5, 3.0], "density": 3.0, "g": 0.99})
+    );
+    assert_eq!(document["media"]["ink"], json!({"sigma_a": [1.0, 1.0, 1.0], "sigma_s": [0.0, 0.0, 0.0]}));
+    assert_eq!(document["spheres"]["s"]["interior"], "ink");
+    assert_eq!(document["instances"]["c"].get("interior"), None);
+    assert_eq!(
+        notes(&found),
+        [
+            "2 Differs g is 0.995, karst has -0.99 to 0.99: taken as 0.99",
+            "2 Differs the medium \"fog\" is kept, but rendered as if it were not there",
+            "3 Untranslated a medium of type \"heterogeneous\"",
+            "4 Differs the medium \"ink\" is kept, but rendered as if it were not there",
+            "5 Untranslated the medium \"fog\" around a shape: neither the sensor nor a shape is in it",
+        ]
+    );
 }
