@@ -1,5 +1,6 @@
 //! Owns distributions of microfacets: density, masking, and the choice of a facet that can be seen.
 
+use super::beckmann;
 use crate::math::{exp, sin_cos};
 use glam::{DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
@@ -73,36 +74,67 @@ impl Microfacets {
         }
     }
 
-    /// Chooses a facet's normal among those that `wo` sees, z > 0, as GGX has them (Dupuy and Benyoub 2023); `wo` may be
-    /// on either side. For Beckmann its skirt is wider than needed and the weights stay below 1.5.
+    /// Chooses a facet's normal among those that `wo` sees, z > 0; `wo` may be on either side. Weights are then at most
+    /// the share of facets that the other direction sees: a path that goes on for long inside of something must not gain.
     #[inline]
     pub fn sample_visible(&self, wo: Vec3, u: Vec2) -> Vec3 {
-        self.sample_cap(wo * 1.0_f32.copysign(wo.z), u, 1.0)
+        let wo = wo * 1.0_f32.copysign(wo.z);
+        match self.distribution {
+            Distribution::Ggx => self.sample_cap(wo, u, 1.0),
+            Distribution::Beckmann => self.sample_slopes(wo, u),
+        }
     }
 
     /// Density of [`Microfacets::sample_visible`] per solid angle of `h`, z > 0.
     #[inline]
     pub fn visible_pdf(&self, wo: Vec3, h: Vec3) -> f32 {
-        let ggx = Self { distribution: Distribution::Ggx, ..*self };
         let cos = (wo.dot(h) * 1.0_f32.copysign(wo.z)).max(0.0);
-        ggx.unmasked(wo) * cos * ggx.density(h) / wo.z.abs()
+        let unmasked = match self.distribution {
+            Distribution::Ggx => self.unmasked(wo),
+            // The fit is off by up to 0.4 %.
+            Distribution::Beckmann => beckmann::unmasked(self.tan(wo)) as f32,
+        };
+        unmasked * cos * self.density(h) / wo.z.abs()
     }
 
-    /// Chooses the direction into which a visible facet mirrors `wo`, z > 0, from a cap that leaves out most facets that
-    /// mirror below the horizon (Tokuyoshi and Eto 2023). The direction may still be below.
+    /// Slope of a view in units of the width, as the facets are stretched.
+    fn tan(&self, w: Vec3) -> f64 {
+        f64::from((w.truncate() * self.alpha).length()) / f64::from(w.z.abs().max(f32::MIN_POSITIVE))
+    }
+
+    /// Chooses a facet by its slopes along and across the view.
+    fn sample_slopes(&self, wo: Vec3, u: Vec2) -> Vec3 {
+        let slopes = beckmann::visible_slopes(u, self.tan(wo)).as_vec2();
+        let along = (wo.truncate() * self.alpha).try_normalize().unwrap_or(Vec2::X);
+        let slope = (along * slopes.x + along.perp() * slopes.y) * self.alpha;
+        (-slope).extend(1.0).normalize()
+    }
+
+    /// Chooses the direction into which a visible facet mirrors `wo`, z > 0; for GGX from a cap that leaves out most
+    /// facets that mirror below the horizon (Tokuyoshi and Eto 2023). The direction may still be below.
     #[inline]
     pub fn sample_reflection(&self, wo: Vec3, u: Vec2) -> Vec3 {
-        let h = self.sample_cap(wo, u, self.cap(wo));
+        let h = match self.distribution {
+            Distribution::Ggx => self.sample_cap(wo, u, self.cap(wo)),
+            Distribution::Beckmann => self.sample_slopes(wo, u),
+        };
         reflect(wo, h)
     }
 
     /// Density of [`Microfacets::sample_reflection`] per solid angle of `wi`, for the half vector `h` of `wo` and `wi`.
     #[inline]
     pub fn reflection_pdf(&self, wo: Vec3, h: Vec3) -> f32 {
-        let ggx = Self { distribution: Distribution::Ggx, ..*self };
-        let slope2 = (wo.x * self.alpha.x).powi(2) + (wo.y * self.alpha.y).powi(2);
-        let length = (slope2 + wo.z * wo.z).sqrt();
-        ggx.density(h) / (2.0 * (self.cap(wo) * wo.z + length))
+        match self.distribution {
+            Distribution::Ggx => {
+                let slope2 = (wo.x * self.alpha.x).powi(2) + (wo.y * self.alpha.y).powi(2);
+                let length = (slope2 + wo.z * wo.z).sqrt();
+                self.density(h) / (2.0 * (self.cap(wo) * wo.z + length))
+            }
+            Distribution::Beckmann => {
+                let cos = wo.dot(h);
+                if cos > 0.0 { self.visible_pdf(wo, h) / (4.0 * cos) } else { 0.0 }
+            }
+        }
     }
 
     /// What the facets reflect from `wi` to `wo` on one side, `h` between them, times the cosine of `wi`: D G / (4 cos),
@@ -121,6 +153,7 @@ impl Microfacets {
         (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)
     }
 
+    /// Chooses a facet of GGX (Dupuy and Benyoub 2023) from the part `k` of the sphere's lower cap.
     fn sample_cap(&self, wo: Vec3, u: Vec2, k: f32) -> Vec3 {
         let stretched = (wo * self.alpha.extend(1.0)).normalize();
         let (sin, cos) = sin_cos(2.0 * PI * u.x);

@@ -5,6 +5,7 @@
 //! below. Which side a direction is on is told by its z: whoever calls drops pairs that the geometric normal sees on
 //! other sides. Densities are per solid angle and cover every lobe. A model knows nothing of scenes.
 
+mod beckmann;
 mod conductor;
 mod dielectric;
 mod diffuse;

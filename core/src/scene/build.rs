@@ -44,9 +44,7 @@ impl Scene {
         let (Some(camera), Ok(tree), true) = (camera, tree, problems.is_empty()) else {
             return Err(problems);
         };
-        let has_holes = objects.iter().any(|object| {
-            materials.get(object.material as usize).is_some_and(|material| material.opacity.is_some())
-        });
+        let has_holes = objects.iter().any(|object| object.holes);
         let film = &description.film;
         Ok(Self {
             size: frame_size(description),
@@ -112,10 +110,11 @@ impl Builder<'_> {
     /// Adds an object and the lights that its primitives are; `lights` has one number for each primitive.
     fn add(&mut self, shape: Shape, material: &str, flip: bool, lights: &[u32]) {
         let emitter = (!lights.is_empty()).then_some(self.emitters.len() as u32);
+        let holes = self.has_holes(material);
         self.emitters.extend_from_slice(lights);
         let material = self.description.materials.index_of(material).unwrap_or(0);
         let tangents = self.materials.get(material).is_some_and(Material::needs_tangents);
-        self.objects.push(Object { shape, material: material as u32, emitter, flip, tangents });
+        self.objects.push(Object { shape, material: material as u32, emitter, flip, tangents, holes });
     }
 
     fn instances(&mut self) {

@@ -155,16 +155,25 @@ impl Scene {
     ///
     /// `spread` is the half width of the ray's pixel per unit of distance, 0 where unknown.
     pub fn intersect(&self, ray: &Ray, spread: f32, stats: &mut MarchStats) -> Option<Hit> {
+        self.nearest(ray, spread, stats, |_| true)
+    }
+
+    /// The nearest hit among the objects that `counts` takes.
+    fn nearest(
+        &self,
+        ray: &Ray,
+        spread: f32,
+        stats: &mut MarchStats,
+        counts: impl Fn(&Object) -> bool,
+    ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
         self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, t_max| {
             for &object in &self.tree.slots()[first as usize..(first + count) as usize] {
                 let within = Ray { t_max: *t_max, ..*ray };
-                let Some((t, primitive, barycentric)) =
-                    self.objects[object as usize].intersect(&within, spread, stats)
-                else {
-                    continue;
-                };
+                let it = &self.objects[object as usize];
+                let hit = if counts(it) { it.intersect(&within, spread, stats) } else { None };
+                let Some((t, primitive, barycentric)) = hit else { continue };
                 if best.is_none_or(|b| t < b.t || (t == b.t && object < b.object)) {
                     best = Some(Hit { t, object, primitive, barycentric });
                     *t_max = t;
@@ -175,12 +184,13 @@ impl Scene {
         best
     }
 
-    /// Whether anything lies within the ray.
-    pub fn occluded(&self, ray: &Ray, stats: &mut MarchStats) -> bool {
+    /// Whether anything that is there in whole lies within the ray.
+    fn occluded(&self, ray: &Ray, stats: &mut MarchStats) -> bool {
         let mut t_max = ray.t_max;
         self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, _| {
             let slots = &self.tree.slots()[first as usize..(first + count) as usize];
-            slots.iter().any(|&object| self.objects[object as usize].occluded(ray, stats))
+            let mut objects = slots.iter().map(|&object| &self.objects[object as usize]);
+            objects.any(|object| !object.holes && object.occluded(ray, stats))
         })
     }
 
@@ -216,7 +226,7 @@ impl Scene {
 
     /// Whether what is hit may be there in part only; otherwise its opacity is 1.
     pub fn may_be_crossed(&self, hit: &Hit) -> bool {
-        self.materials[self.objects[hit.object as usize].material as usize].opacity.is_some()
+        self.objects[hit.object as usize].holes
     }
 
     /// Most surfaces that a ray crosses because they are there in part only.
@@ -224,16 +234,16 @@ impl Scene {
 
     /// Share of light that gets through the ray, 0..1.
     pub fn transmittance(&self, ray: &Ray, stats: &mut MarchStats) -> f32 {
+        if self.occluded(ray, stats) {
+            return 0.0;
+        }
         if !self.has_holes {
-            return if self.occluded(ray, stats) { 0.0 } else { 1.0 };
+            return 1.0;
         }
         let end = ray.at(1.0);
         let (mut rest, mut through) = (*ray, 1.0);
         for _ in 0..Self::MAX_CROSSINGS {
-            let Some(hit) = self.intersect(&rest, 0.0, stats) else { return through };
-            if !self.may_be_crossed(&hit) {
-                return 0.0;
-            }
+            let Some(hit) = self.nearest(&rest, 0.0, stats, |object| object.holes) else { return through };
             let surface = self.surface(&rest, &hit, 0.0);
             through *= 1.0 - self.opacity(&surface);
             if through <= 0.0 {

@@ -37,6 +37,8 @@ pub(super) struct Object {
     pub(super) flip: bool,
     /// Whether its material needs to know where u and v point.
     pub(super) tangents: bool,
+    /// Whether it may be there in part only, so that rays may cross it.
+    pub(super) holes: bool,
 }
 
 /// Where a ray meets the scene.
