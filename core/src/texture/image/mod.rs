@@ -184,7 +184,8 @@ impl Image {
             Data::Halves(halves) => halves[index].to_f32(),
             Data::Floats(floats) => floats[index],
         };
-        if space == ColorSpace::Srgb { from_srgb(float) } else { float }
+        // The curve takes the largest floats beyond what a float holds.
+        if space == ColorSpace::Srgb { from_srgb(float).min(f32::MAX) } else { float }
     }
 }
 

@@ -243,6 +243,17 @@ fn exr_texels_that_are_not_finite_are_named_and_refused() {
     }
 }
 
+#[test]
+fn the_largest_floats_stay_finite_through_the_srgb_curve() {
+    let channels = [("Y", floats(&[f32::MAX, 1e30]))];
+    let exr = Image::read(&exr((2, 1), &channels, plain(Compression::ZIP1)), LEFT).unwrap();
+    let hdr = Image::read(&hdr("#?RADIANCE", "-Y 1 +X 2", &[[255; 4]; 2]), LEFT).unwrap();
+    for x in [0, 1] {
+        assert_eq!(exr.texel(x, 0, Srgb), Vec3::MAX);
+        assert_eq!(hdr.texel(x, 0, Srgb), Vec3::MAX);
+    }
+}
+
 /// Bytes of a Radiance file; a pixel is (r, g, b, exponent), of value r / 256 · 2^(exponent − 128).
 fn hdr(head: &str, size: &str, pixels: &[[u8; 4]]) -> Vec<u8> {
     let mut bytes = format!("{head}\nFORMAT=32-bit_rle_rgbe\n\n{size}\n").into_bytes();
