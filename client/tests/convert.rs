@@ -1,11 +1,14 @@
 //! `karst convert`, and foreign scenes given to other commands.
 #![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::program::{done, karst, stderr};
 
 const SCENE: &str = "<scene version='3.0.0'>
   <sensor type='perspective'>
@@ -24,25 +27,11 @@ fn folder(fog: bool) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("from/parts")).unwrap();
     let scene =
-        if fog { SCENE.replace("<!-- fog -->", "<medium type='homogeneous'/>") } else { SCENE.to_owned() };
+        if fog { SCENE.replace("<!-- fog -->", "<medium type='heterogeneous'/>") } else { SCENE.to_owned() };
     std::fs::write(folder.path().join("from/scene.xml"), scene).unwrap();
     let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
     std::fs::write(folder.path().join("from/parts/tri.obj"), mesh).unwrap();
     folder
-}
-
-fn karst(folder: &Path, line: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_karst")).args(line).current_dir(folder).output().unwrap()
-}
-
-fn done(folder: &Path, line: &[&str]) -> String {
-    let output = karst(folder, line);
-    assert_eq!(output.status.code(), Some(0), "{line:?}: {}", stderr(&output));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Names of all files below a folder, in their order.
@@ -109,7 +98,7 @@ fn what_is_lost_is_listed_and_can_be_an_error() {
     let line = ["convert", "from/scene.xml", "-o", "to/scene.json"];
     let output = karst(at, &[&line[..], &["--strict", "--json"]].concat());
     assert_eq!(output.status.code(), Some(2));
-    let note = "from/scene.xml:10: not translated: the medium: documents have no fog yet\n";
+    let note = "from/scene.xml:10: not translated: a medium of type \"heterogeneous\"\n";
     assert_eq!(stderr(&output), format!("{note}error: from/scene.xml: 1 things are not translated\n"));
     let said: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&said["notes"][0]["line"], &said["notes"][0]["kind"]), (&10.into(), &"untranslated".into()));
@@ -127,7 +116,7 @@ fn other_commands_take_the_scene_as_it_is() {
     let output = karst(at, &["render", "from/scene.xml", "-o", "direct.exr"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert!(
-        stderr(&output).starts_with("from/scene.xml:10: not translated: the medium"),
+        stderr(&output).starts_with("from/scene.xml:10: not translated: a medium"),
         "{}",
         stderr(&output)
     );

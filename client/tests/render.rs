@@ -1,11 +1,14 @@
 //! `karst render` and `karst check` on small scenes: files, reports, errors, the same bits however it is done.
 #![expect(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
+mod program;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
+
+use crate::program::{done, karst, stderr};
 
 /// A lit floor of a sphere in a folder of its own.
 fn scene() -> (TempDir, PathBuf) {
@@ -26,20 +29,6 @@ fn scene() -> (TempDir, PathBuf) {
     });
     std::fs::write(&path, document.to_string()).unwrap();
     (folder, path)
-}
-
-fn karst(folder: &Path, line: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_karst")).args(line).current_dir(folder).output().unwrap()
-}
-
-fn done(folder: &Path, line: &[&str]) -> String {
-    let output = karst(folder, line);
-    assert_eq!(output.status.code(), Some(0), "{line:?}: {}", stderr(&output));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {
