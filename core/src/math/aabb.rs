@@ -15,6 +15,21 @@ impl Aabb {
     /// The box that holds nothing.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
+    /// The box that holds everything.
+    pub const EVERYTHING: Self = Self { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+
+    /// The largest box in both; empty where they do not meet.
+    #[must_use]
+    pub fn intersection(self, other: Self) -> Self {
+        Self { min: self.min.max(other.min), max: self.max.min(other.max) }
+    }
+
+    /// The box that is larger by a length on every side.
+    #[must_use]
+    pub fn grown(self, by: f32) -> Self {
+        Self { min: self.min - by, max: self.max + by }
+    }
+
     /// The smallest box that holds both.
     #[inline]
     #[must_use]

@@ -16,7 +16,13 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
     match node {
         SdfNode::Sphere { radius } => builder.sphere(*radius),
         SdfNode::Box { size } => builder.cuboid(*size),
+        SdfNode::RoundedBox { size, radius } => builder.rounded_box(*size, *radius),
+        SdfNode::Plane {} => builder.plane(),
         SdfNode::Torus { major_radius, minor_radius } => builder.torus(*major_radius, *minor_radius),
+        SdfNode::Cylinder { radius, height } => builder.cylinder(*radius, *height),
+        SdfNode::Capsule { radius, height } => builder.capsule(*radius, *height),
+        SdfNode::Cone { radius, top_radius, height } => builder.cone(*radius, *top_radius, *height),
+        SdfNode::Ellipsoid { radii } => builder.ellipsoid(*radii),
         SdfNode::Mandelbulb { power, iterations, bailout } => {
             builder.mandelbulb(*power, *iterations, *bailout)
         }
@@ -24,9 +30,25 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
             let children = push_all(builder, children);
             builder.union(&children)
         }
+        SdfNode::Intersection { children } => {
+            let children = push_all(builder, children);
+            builder.intersection(&children)
+        }
+        SdfNode::Difference { children } => {
+            let children = push_all(builder, children);
+            builder.difference(&children)
+        }
         SdfNode::SmoothUnion { k, children } => {
             let children = push_all(builder, children);
             builder.smooth_union(&children, *k)
+        }
+        SdfNode::SmoothIntersection { k, children } => {
+            let children = push_all(builder, children);
+            builder.smooth_intersection(&children, *k)
+        }
+        SdfNode::SmoothDifference { k, children } => {
+            let children = push_all(builder, children);
+            builder.smooth_difference(&children, *k)
         }
         SdfNode::Transform { translate, rotate, scale, child } => {
             let child = push(builder, child);

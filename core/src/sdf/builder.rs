@@ -3,7 +3,10 @@
 use glam::{Mat3, Vec3};
 
 use super::error::SdfError;
-use super::node::{Cuboid, Mandelbulb, Similarity, SmoothUnion, Sphere, Torus};
+use super::node::{
+    Blend, Capsule, Cone, Cuboid, Cylinder, Ellipsoid, Leaf, Mandelbulb, Operator, RoundedBox, Similarity,
+    Sphere, Torus,
+};
 use super::tape::{MAX_DEPTH, Op, Tape};
 
 /// Most nodes of one tree.
@@ -16,10 +19,8 @@ pub struct NodeId(u32);
 /// A node as it was added; children precede their parents.
 #[derive(Debug)]
 enum Node {
-    Leaf(Op),
-    Union(Vec<NodeId>),
-    /// `None`: the blend is too small to matter.
-    SmoothUnion(Option<SmoothUnion>, Vec<NodeId>),
+    Leaf(Leaf),
+    Operator(Operator, Vec<NodeId>),
     Transform(Similarity, NodeId),
 }
 
@@ -54,43 +55,87 @@ impl TapeBuilder {
 
     /// Ball around the origin.
     pub fn sphere(&mut self, radius: f32) -> NodeId {
-        self.leaf(Sphere::new(radius).map(Op::Sphere))
+        self.leaf(Sphere::new(radius).map(Leaf::Sphere))
     }
 
     /// Box around the origin with the given full edge lengths.
     pub fn cuboid(&mut self, size: Vec3) -> NodeId {
-        self.leaf(Cuboid::new(size).map(Op::Cuboid))
+        self.leaf(Cuboid::new(size).map(Leaf::Cuboid))
+    }
+
+    /// Box around the origin with the given full edge lengths, its edges rounded with `radius`.
+    pub fn rounded_box(&mut self, size: Vec3, radius: f32) -> NodeId {
+        self.leaf(RoundedBox::new(size, radius).map(Leaf::RoundedBox))
+    }
+
+    /// Everything below `y = 0`; something else must bound the object.
+    pub fn plane(&mut self) -> NodeId {
+        self.leaf(Ok(Leaf::Plane))
     }
 
     /// Torus around the y axis: a tube of radius `minor` along a circle of radius `major`.
     pub fn torus(&mut self, major: f32, minor: f32) -> NodeId {
-        self.leaf(Torus::new(major, minor).map(Op::Torus))
+        self.leaf(Torus::new(major, minor).map(Leaf::Torus))
+    }
+
+    /// Cylinder around the y axis with a full height.
+    pub fn cylinder(&mut self, radius: f32, height: f32) -> NodeId {
+        self.leaf(Cylinder::new(radius, height).map(Leaf::Cylinder))
+    }
+
+    /// Everything within `radius` of a piece of the y axis of length `height` around the origin.
+    pub fn capsule(&mut self, radius: f32, height: f32) -> NodeId {
+        self.leaf(Capsule::new(radius, height).map(Leaf::Capsule))
+    }
+
+    /// Cone around the y axis with a full height, `radius` at its bottom and `top_radius` (0 is a tip) at its top.
+    pub fn cone(&mut self, radius: f32, top_radius: f32, height: f32) -> NodeId {
+        self.leaf(Cone::new(radius, top_radius, height).map(Leaf::Cone))
+    }
+
+    /// Ellipsoid around the origin with half axes along x, y and z.
+    pub fn ellipsoid(&mut self, radii: Vec3) -> NodeId {
+        self.leaf(Ellipsoid::new(radii).map(Leaf::Ellipsoid))
     }
 
     /// Mandelbulb around the z axis, about 1.1 in radius at power 8.
     ///
     /// `iterations` at most are made, until the orbit leaves the radius `bailout`.
     pub fn mandelbulb(&mut self, power: f32, iterations: u32, bailout: f32) -> NodeId {
-        self.leaf(Mandelbulb::new(power, iterations, bailout).map(Op::Mandelbulb))
+        self.leaf(Mandelbulb::new(power, iterations, bailout).map(Leaf::Mandelbulb))
     }
 
     /// Union of one or more objects.
     pub fn union(&mut self, children: &[NodeId]) -> NodeId {
-        if children.is_empty() {
-            self.keep(SdfError::NoChildren { kind: "union" });
-        }
-        self.add(Node::Union(children.to_vec()))
+        self.operator("union", Operator::Union, children)
     }
 
-    /// Union of one or more objects with seams rounded over a width of `k`, folded pairwise in the given order.
+    /// What is in all of one or more objects.
+    pub fn intersection(&mut self, children: &[NodeId]) -> NodeId {
+        self.operator("intersection", Operator::Intersection, children)
+    }
+
+    /// What is in the first of one or more objects and in none of the others.
+    pub fn difference(&mut self, children: &[NodeId]) -> NodeId {
+        self.operator("difference", Operator::Difference, children)
+    }
+
+    /// Union with seams rounded over a width of `k`, folded pairwise in the given order.
     pub fn smooth_union(&mut self, children: &[NodeId], k: f32) -> NodeId {
-        if children.is_empty() {
-            self.keep(SdfError::NoChildren { kind: "smooth_union" });
-        }
-        match SmoothUnion::new(k) {
-            Ok(smooth) => self.add(Node::SmoothUnion(smooth, children.to_vec())),
-            Err(error) => self.fail(error),
-        }
+        let blend = Blend::new("smooth_union.k", k);
+        self.smooth("smooth_union", blend, Operator::SmoothUnion, Operator::Union, children)
+    }
+
+    /// Intersection with edges rounded over a width of `k`, folded pairwise in the given order.
+    pub fn smooth_intersection(&mut self, children: &[NodeId], k: f32) -> NodeId {
+        let (blend, hard) = (Blend::new("smooth_intersection.k", k), Operator::Intersection);
+        self.smooth("smooth_intersection", blend, Operator::SmoothIntersection, hard, children)
+    }
+
+    /// Difference with edges rounded over a width of `k`, folded pairwise in the given order.
+    pub fn smooth_difference(&mut self, children: &[NodeId], k: f32) -> NodeId {
+        let (blend, hard) = (Blend::new("smooth_difference.k", k), Operator::Difference);
+        self.smooth("smooth_difference", blend, Operator::SmoothDifference, hard, children)
     }
 
     /// A child scaled by `scale`, then turned by `rotation` (a pure rotation; see [`Mat3::from_quat`]), then moved by
@@ -105,7 +150,7 @@ impl TapeBuilder {
     /// Compiles the tree under `root`.
     ///
     /// # Errors
-    /// The first bad parameter; a union without children; a node with two parents; more than [`MAX_NODES`] nodes or
+    /// The first bad parameter; an operator without children; a node with two parents; more than [`MAX_NODES`] nodes or
     /// a nesting that needs more than [`MAX_DEPTH`] intermediate values, with the figure.
     pub fn finish(mut self, root: NodeId) -> Result<Tape, SdfError> {
         if let Some(error) = self.error.take() {
@@ -122,9 +167,31 @@ impl TapeBuilder {
         Ok(Tape::new(ops, nodes, depth))
     }
 
-    fn leaf(&mut self, made: Result<Op, SdfError>) -> NodeId {
+    fn leaf(&mut self, made: Result<Leaf, SdfError>) -> NodeId {
         match made {
-            Ok(op) => self.add(Node::Leaf(op)),
+            Ok(leaf) => self.add(Node::Leaf(leaf)),
+            Err(error) => self.fail(error),
+        }
+    }
+
+    fn operator(&mut self, kind: &'static str, operator: Operator, children: &[NodeId]) -> NodeId {
+        if children.is_empty() {
+            self.keep(SdfError::NoChildren { kind });
+        }
+        self.add(Node::Operator(operator, children.to_vec()))
+    }
+
+    /// The smooth operator, or the hard one where the blend vanishes.
+    fn smooth(
+        &mut self,
+        kind: &'static str,
+        blend: Result<Option<Blend>, SdfError>,
+        smooth: fn(Blend) -> Operator,
+        hard: Operator,
+        children: &[NodeId],
+    ) -> NodeId {
+        match blend {
+            Ok(blend) => self.operator(kind, blend.map_or(hard, smooth), children),
             Err(error) => self.fail(error),
         }
     }
@@ -132,13 +199,17 @@ impl TapeBuilder {
     fn add(&mut self, node: Node) -> NodeId {
         let id = NodeId(u32::try_from(self.nodes.len()).unwrap_or(u32::MAX));
         // Past the limit nodes are only counted: what they hold cannot be used any more.
-        self.nodes.push(if self.nodes.len() < MAX_NODES { node } else { Node::Union(Vec::new()) });
+        self.nodes.push(if self.nodes.len() < MAX_NODES {
+            node
+        } else {
+            Node::Operator(Operator::Union, Vec::new())
+        });
         id
     }
 
     fn fail(&mut self, error: SdfError) -> NodeId {
         self.keep(error);
-        self.add(Node::Union(Vec::new()))
+        self.add(Node::Operator(Operator::Union, Vec::new()))
     }
 
     fn keep(&mut self, error: SdfError) {
@@ -170,10 +241,9 @@ impl TapeBuilder {
                 pending.push(Work::Emit(Op::Leave(placement.scale)));
             }
             match &self.nodes[index] {
-                Node::Leaf(op) => ops.push(*op),
-                Node::Union(children) => fold(&mut pending, children, Op::Union),
-                Node::SmoothUnion(smooth, children) => {
-                    fold(&mut pending, children, smooth.map_or(Op::Union, Op::SmoothUnion));
+                Node::Leaf(leaf) => ops.push(Op::Leaf(*leaf)),
+                Node::Operator(operator, children) => {
+                    fold(&mut pending, children, Op::Operator(*operator));
                 }
                 Node::Transform(inner, child) => {
                     let placed = placed.map_or(*inner, |outer: Similarity| outer.then_inner(*inner));
@@ -207,8 +277,8 @@ fn depth(ops: &[Op]) -> usize {
     let (mut values, mut points, mut most) = (0_usize, 0_usize, 0_usize);
     for op in ops {
         match op {
-            Op::Sphere(_) | Op::Cuboid(_) | Op::Torus(_) | Op::Mandelbulb(_) => values += 1,
-            Op::Union | Op::SmoothUnion(_) => values -= 1,
+            Op::Leaf(_) => values += 1,
+            Op::Operator(_) => values -= 1,
             Op::Enter(_) => points += 1,
             Op::Leave(_) => points -= 1,
         }

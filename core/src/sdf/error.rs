@@ -17,10 +17,10 @@ pub enum SdfError {
         /// What is allowed, in words.
         allowed: &'static str,
     },
-    /// A union has no children.
+    /// An operator has no children.
     #[error("{kind}: found no children, expected at least one")]
     NoChildren {
-        /// `union` or `smooth_union`.
+        /// Such as `union`.
         kind: &'static str,
     },
     /// A node is the child of two nodes, or is unknown to this builder.
@@ -48,6 +48,11 @@ pub enum SdfError {
         /// The limit.
         allowed: usize,
     },
+    /// The object has no end and no bounds.
+    #[error(
+        "the object has no end\n  hint: give it bounds, which then cut it, or an intersection with something that ends"
+    )]
+    Endless,
     /// The given bounds cut the object.
     #[error(
         "bounds are too small: the object reaches {amount} beyond them\n  hint: leave bounds out, or use at least \

@@ -53,15 +53,28 @@ pub struct Sdf {
 impl Sdf {
     /// An object from its tape; `bounds` replace the computed ones where they are given.
     ///
-    /// Given bounds are checked on a lattice of 33³ points over the computed bounds.
+    /// Given bounds are checked on a lattice of 33³ points over the computed bounds; an object without end is cut by
+    /// them.
     ///
     /// # Errors
-    /// A setting out of range; bounds that are empty, not finite, or cut the object (with the amount).
+    /// A setting out of range; bounds that are empty, not finite, or cut an object that has an end (with the amount); no
+    /// bounds for one that has none.
     pub fn new(tape: Tape, settings: Settings, bounds: Option<Aabb>) -> Result<Self, SdfError> {
         let computed = tape.bounds();
-        let bounds = match bounds {
-            Some(given) => check_bounds(&tape, given)?,
-            None => computed,
+        let endless = !computed.is_empty() && !computed.is_finite();
+        let (tape, bounds) = match bounds {
+            Some(given) if endless => {
+                is_box(given)?;
+                (tape.cut(given), given)
+            }
+            Some(given) => {
+                let bounds = check_bounds(&tape, given)?;
+                (tape, bounds)
+            }
+            None if endless => return Err(SdfError::Endless),
+            // Nothing is somewhere, and no ray hits it.
+            None if computed.is_empty() => (tape, Aabb { min: Vec3::ZERO, max: Vec3::ZERO }),
+            None => (tape, computed),
         };
         let diagonal = bounds.size().length();
         let resolved = resolve(settings, diagonal)?;
@@ -186,8 +199,8 @@ fn resolve(settings: Settings, diagonal: f32) -> Result<Resolved, SdfError> {
     })
 }
 
-/// The part of `given` inside the computed bounds, or how much of the object `given` cuts off.
-fn check_bounds(tape: &Tape, given: Aabb) -> Result<Aabb, SdfError> {
+/// Whether a box was given.
+fn is_box(given: Aabb) -> Result<(), SdfError> {
     for axis in 0..3 {
         let (low, high) = (given.min[axis], given.max[axis]);
         require(low.is_finite(), "bounds.min", low, "three finite numbers")?;
@@ -198,7 +211,16 @@ fn check_bounds(tape: &Tape, given: Aabb) -> Result<Aabb, SdfError> {
             "three finite numbers greater than bounds.min",
         )?;
     }
+    Ok(())
+}
+
+/// The part of `given` inside the computed bounds, or how much of the object `given` cuts off.
+fn check_bounds(tape: &Tape, given: Aabb) -> Result<Aabb, SdfError> {
+    is_box(given)?;
     let computed = tape.bounds();
+    if computed.is_empty() {
+        return Ok(given);
+    }
     let mut found = Aabb::EMPTY;
     let spacing = computed.size() / f32::from(CHECK_POINTS - 1);
     for z in 0..CHECK_POINTS {

@@ -2,19 +2,15 @@
 
 use crate::math::Aabb;
 
-use super::node::{Cuboid, Mandelbulb, SmoothUnion, Sphere, Torus, transform, union};
+use super::node::{Cuboid, Leaf, Operator, transform};
 use super::real::{Point, Real};
 
 /// One step of a tape. Leaves push a value; operators pop two values and push one; [`Op::Enter`] changes the point
 /// that leaves see until the matching [`Op::Leave`].
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Op {
-    Sphere(Sphere),
-    Cuboid(Cuboid),
-    Torus(Torus),
-    Mandelbulb(Mandelbulb),
-    Union,
-    SmoothUnion(SmoothUnion),
+    Leaf(Leaf),
+    Operator(Operator),
     Enter(transform::Placement),
     /// Ends a placement: the value on top is multiplied by the scale.
     Leave(f32),
@@ -49,8 +45,21 @@ impl Tape {
         self.nodes
     }
 
-    /// A box in object space that holds the object: outside it the value is at least the distance to the box
-    /// (for a Mandelbulb: positive).
+    /// The tape of what is inside of a box.
+    pub(super) fn cut(mut self, to: Aabb) -> Self {
+        let half = Cuboid::from_half(to.size() * 0.5);
+        let place = transform::Placement::at(to.center());
+        self.ops.extend([
+            Op::Enter(place),
+            Op::Leaf(Leaf::Cuboid(half)),
+            Op::Leave(1.0),
+            Op::Operator(Operator::Intersection),
+        ]);
+        Self::new(self.ops, self.nodes, self.depth.max(2))
+    }
+
+    /// A box in object space that holds the object: outside of it values are positive. Empty where the object is known
+    /// to be, infinite where it has no end.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
@@ -94,37 +103,27 @@ impl Tape {
         // The newest value stays in a register; `below` holds the ones under it. The first push stores a filler.
         let mut top = R::splat(0.0);
         for op in &self.ops {
-            let value = match op {
-                Op::Sphere(sphere) => sphere.distance(point),
-                Op::Cuboid(cuboid) => cuboid.distance(point),
-                Op::Torus(torus) => torus.distance(point),
-                Op::Mandelbulb(bulb) => bulb.distance(point),
-                Op::Union => {
-                    held -= 1;
-                    top = union::distance(below[held], top);
-                    continue;
+            match op {
+                Op::Leaf(leaf) => {
+                    below[held] = top;
+                    held += 1;
+                    top = leaf.distance(point);
                 }
-                Op::SmoothUnion(smooth) => {
+                Op::Operator(operator) => {
                     held -= 1;
-                    top = smooth.distance(below[held], top);
-                    continue;
+                    top = operator.distance(below[held], top);
                 }
                 Op::Enter(placement) => {
                     outer[entered] = point;
                     entered += 1;
                     point = placement.enter(point);
-                    continue;
                 }
                 Op::Leave(scale) => {
                     entered -= 1;
                     point = outer[entered];
                     top = top * R::splat(*scale);
-                    continue;
                 }
-            };
-            below[held] = top;
-            held += 1;
-            top = value;
+            }
         }
         top
     }
@@ -139,25 +138,23 @@ struct Summary {
 
 impl Summary {
     fn of(ops: &[Op]) -> Self {
+        let mut margins = margins(ops);
         let mut boxes: Vec<Aabb> = Vec::new();
         let mut placements: Vec<(transform::Placement, f32)> = Vec::new();
         let (mut scale, mut reach, mut level) = (1.0_f32, 0.0_f32, None);
         for op in ops {
             let found = match op {
-                Op::Sphere(sphere) => sphere.bounds(),
-                Op::Cuboid(cuboid) => cuboid.bounds(),
-                Op::Torus(torus) => {
-                    let hull = torus.bounds();
-                    reach = reach.max(hull.max.x * scale);
-                    hull
+                Op::Leaf(leaf) => {
+                    reach = reach.max(leaf.reach() * scale);
+                    let here = leaf.level().map(|level| level * scale);
+                    level = level.map_or(here, |other: f32| Some(here.map_or(other, |here| here.max(other))));
+                    leaf.bounds(margins.pop().expect("every leaf has a margin"))
                 }
-                Op::Mandelbulb(bulb) => {
-                    let here = scale * super::node::mandelbulb::LEVEL;
-                    level = Some(level.map_or(here, |other: f32| other.max(here)));
-                    bulb.bounds()
+                Op::Operator(operator) => {
+                    let b = boxes.pop().expect("an operator has two operands");
+                    let a = boxes.pop().expect("an operator has two operands");
+                    operator.bounds(a, b)
                 }
-                Op::Union => two(&mut boxes, union::bounds),
-                Op::SmoothUnion(smooth) => two(&mut boxes, |a, b| smooth.bounds(a, b)),
                 Op::Enter(placement) => {
                     placements.push((*placement, scale));
                     reach = reach.max(placement.reach() * scale);
@@ -167,18 +164,35 @@ impl Summary {
                 Op::Leave(_) => {
                     let (placement, outer) = placements.pop().expect("every Leave has its Enter");
                     scale = outer;
-                    let child = boxes.pop().expect("a placement has a child");
-                    placement.bounds(child)
+                    placement.bounds(boxes.pop().expect("a placement has a child"))
                 }
             };
             boxes.push(found);
         }
-        Self { bounds: boxes.pop().unwrap_or(Aabb::EMPTY), reach, level }
+        let bounds = boxes.pop().unwrap_or(Aabb::EMPTY);
+        Self { bounds: if bounds.is_empty() { Aabb::EMPTY } else { bounds }, reach, level }
     }
 }
 
-fn two(boxes: &mut Vec<Aabb>, join: impl Fn(Aabb, Aabb) -> Aabb) -> Aabb {
-    let b = boxes.pop().expect("an operator has two operands");
-    let a = boxes.pop().expect("an operator has two operands");
-    join(a, b)
+/// The value of each leaf, the last one first, up to which it matters for where the whole is not positive: from the
+/// last step back to the first, what each operator needs of its operands.
+fn margins(ops: &[Op]) -> Vec<f32> {
+    let (mut pending, mut margins) = (vec![0.0_f32], Vec::new());
+    for op in ops.iter().rev() {
+        match op {
+            Op::Leaf(_) => margins.extend(pending.pop()),
+            Op::Operator(operator) => {
+                if let Some(margin) = pending.pop() {
+                    pending.extend([operator.margin(margin); 2]);
+                }
+            }
+            Op::Leave(scale) => {
+                if let Some(margin) = pending.last_mut() {
+                    *margin /= scale;
+                }
+            }
+            Op::Enter(_) => {}
+        }
+    }
+    margins
 }

@@ -18,15 +18,19 @@ pub(in crate::sdf) struct Cuboid {
 impl Cuboid {
     /// A box with the given full edge lengths.
     pub(in crate::sdf) fn new(size: Vec3) -> Result<Self, SdfError> {
-        for edge in size.to_array() {
-            require(
-                LENGTHS.contains(&edge),
-                "box.size",
-                edge,
-                "three numbers greater than 0 (1e-12 to 1e12)",
-            )?;
-        }
-        Ok(Self { half: size * 0.5 })
+        Self::check(size, "box.size")?;
+        Ok(Self::from_half(size * 0.5))
+    }
+
+    /// Whether a box can have these edges.
+    pub(super) fn check(size: Vec3, name: &'static str) -> Result<(), SdfError> {
+        let allowed = "three numbers greater than 0 (1e-12 to 1e12)";
+        size.to_array().into_iter().try_for_each(|edge| require(LENGTHS.contains(&edge), name, edge, allowed))
+    }
+
+    /// A box with the given half edges, which are not negative.
+    pub(in crate::sdf) fn from_half(half: Vec3) -> Self {
+        Self { half }
     }
 
     #[inline]

@@ -60,14 +60,13 @@ impl Mandelbulb {
         })
     }
 
-    /// Half the edge of [`Self::bounds`].
-    pub(in crate::sdf) fn radius(self) -> f32 {
-        self.escape_radius
-    }
-
-    /// A cube around the ball outside of which every orbit escapes and the estimate is above [`LEVEL`].
-    pub(in crate::sdf) fn bounds(self) -> Aabb {
-        Aabb { min: Vec3::splat(-self.radius()), max: Vec3::splat(self.radius()) }
+    /// A cube around all places with values up to `margin`: every orbit from outside of the escape ball escapes with an
+    /// estimate above [`LEVEL`]. Close to it the value may be less than the distance to it, and is at least that from
+    /// 1.5 radii on.
+    pub(in crate::sdf) fn bounds(self, margin: f32) -> Aabb {
+        let radius = self.escape_radius;
+        let radius = if margin > 0.0 { (1.5 * radius).max(radius + margin) } else { radius };
+        Aabb { min: Vec3::splat(-radius), max: Vec3::splat(radius) }
     }
 
     #[inline]

@@ -1,19 +1,34 @@
-//! Owns the node kinds, one file each: formula, Lipschitz bound and where it comes from.
+//! Owns the node kinds: formula, Lipschitz bound and where it comes from.
 //!
-//! Every leaf promises that its value is negative inside, positive outside, and never greater than the distance to
-//! its surface (its Lipschitz bound is 1); operators say what they keep of that promise.
+//! Every [`Leaf`] promises that its value is negative inside, positive outside, and never greater than the distance to
+//! its surface (its Lipschitz bound is 1); an [`Operator`] keeps that promise.
 
+pub(super) mod blend;
+pub(super) mod capsule;
+pub(super) mod cone;
 pub(super) mod cuboid;
+pub(super) mod cylinder;
+pub(super) mod ellipsoid;
+pub(super) mod leaf;
 pub(super) mod mandelbulb;
-pub(super) mod smooth_union;
+pub(super) mod operator;
+pub(super) mod plane;
+pub(super) mod rounded_box;
 pub(super) mod sphere;
 pub(super) mod torus;
 pub(super) mod transform;
-pub(super) mod union;
 
+pub(super) use blend::Blend;
+pub(super) use capsule::Capsule;
+pub(super) use cone::Cone;
 pub(super) use cuboid::Cuboid;
+pub(super) use cylinder::Cylinder;
+pub(super) use ellipsoid::Ellipsoid;
+pub(super) use leaf::Leaf;
 pub(super) use mandelbulb::Mandelbulb;
-pub(super) use smooth_union::SmoothUnion;
+pub(super) use operator::Operator;
+pub(super) use plane::Plane;
+pub(super) use rounded_box::RoundedBox;
 pub(super) use sphere::Sphere;
 pub(super) use torus::Torus;
 pub(super) use transform::Similarity;

@@ -78,6 +78,11 @@ impl Similarity {
 }
 
 impl Placement {
+    /// One that only moves.
+    pub(in crate::sdf) fn at(translate: Vec3) -> Self {
+        Self { rows: [Vec3::X, Vec3::Y, Vec3::Z], translate, scale: 1.0 }
+    }
+
     /// A point of the parent in the child's coordinates.
     #[inline]
     pub(in crate::sdf) fn enter<R: Real>(&self, p: Point<R>) -> Point<R> {
@@ -98,8 +103,14 @@ impl Placement {
         x * p.x + y * p.y + z * p.z + self.translate
     }
 
-    /// The box around the eight corners of the child's bounds.
+    /// The box around the eight corners of the child's bounds; of what has no end it has none either.
     pub(in crate::sdf) fn bounds(&self, child: Aabb) -> Aabb {
+        if child.is_empty() {
+            return Aabb::EMPTY;
+        }
+        if !child.is_finite() {
+            return Aabb::EVERYTHING;
+        }
         let corners = child.corners().into_iter();
         corners.fold(Aabb::EMPTY, |hull, corner| hull.with_point(self.leave(corner)))
     }

@@ -10,24 +10,50 @@ use crate::sdf::{NodeId, Point, Tape, TapeBuilder};
 enum Shape {
     Sphere(f32),
     Cuboid(Vec3),
+    RoundedBox(Vec3, f32),
     Torus(f32, f32),
-    Union(Vec<Self>),
-    Smooth(Vec<Self>, f32),
+    Cylinder(f32, f32),
+    Capsule(f32, f32),
+    Cone(f32, f32, f32),
+    Ellipsoid(Vec3),
+    /// Cut by a ball, so that it ends.
+    Plane(f32),
+    /// Hard where there is no `k`.
+    Operator(Kind, Vec<Self>, Option<f32>),
     Transform(Box<Self>, Vec3, Vec3, f32),
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Union,
+    Intersection,
+    Difference,
 }
 
 fn add(t: &mut TapeBuilder, shape: &Shape) -> NodeId {
     match shape {
+        Shape::RoundedBox(size, part) => t.rounded_box(*size, 0.5 * part * size.min_element()),
+        Shape::Cylinder(radius, height) => t.cylinder(*radius, *height),
+        Shape::Capsule(radius, height) => t.capsule(*radius, *height),
+        Shape::Cone(radius, top, height) => t.cone(*radius, *top, *height),
+        Shape::Ellipsoid(radii) => t.ellipsoid(*radii),
+        Shape::Plane(radius) => {
+            let parts = [t.plane(), t.sphere(*radius)];
+            t.intersection(&parts)
+        }
         Shape::Sphere(radius) => t.sphere(*radius),
         Shape::Cuboid(size) => t.cuboid(*size),
         Shape::Torus(major, minor) => t.torus(*major, *minor),
-        Shape::Union(children) => {
+        Shape::Operator(kind, children, k) => {
             let ids: Vec<_> = children.iter().map(|child| add(t, child)).collect();
-            t.union(&ids)
-        }
-        Shape::Smooth(children, k) => {
-            let ids: Vec<_> = children.iter().map(|child| add(t, child)).collect();
-            t.smooth_union(&ids, *k)
+            match (kind, k) {
+                (Kind::Union, None) => t.union(&ids),
+                (Kind::Union, Some(k)) => t.smooth_union(&ids, *k),
+                (Kind::Intersection, None) => t.intersection(&ids),
+                (Kind::Intersection, Some(k)) => t.smooth_intersection(&ids, *k),
+                (Kind::Difference, None) => t.difference(&ids),
+                (Kind::Difference, Some(k)) => t.smooth_difference(&ids, *k),
+            }
         }
         Shape::Transform(child, translate, axis, scale) => {
             let child = add(t, child);
@@ -47,17 +73,30 @@ fn vector(reach: f32) -> impl Strategy<Value = Vec3> {
     [-reach..reach, -reach..reach, -reach..reach].prop_map(Vec3::from_array)
 }
 
+fn sizes() -> impl Strategy<Value = Vec3> {
+    [0.01_f32..2.0, 0.01_f32..2.0, 0.01_f32..2.0].prop_map(Vec3::from_array)
+}
+
 fn shapes() -> impl Strategy<Value = Shape> {
     let leaf = prop_oneof![
         (0.01_f32..2.0).prop_map(Shape::Sphere),
-        [0.01_f32..2.0, 0.01_f32..2.0, 0.01_f32..2.0].prop_map(|s| Shape::Cuboid(Vec3::from_array(s))),
+        sizes().prop_map(Shape::Cuboid),
         (0.1_f32..2.0, 0.0_f32..0.5).prop_map(|(major, minor)| Shape::Torus(major, minor)),
+        (sizes(), 0.0_f32..=1.0).prop_map(|(size, part)| Shape::RoundedBox(size, part)),
+        (0.01_f32..2.0, 0.01_f32..2.0).prop_map(|(radius, height)| Shape::Cylinder(radius, height)),
+        (0.01_f32..2.0, 0.0_f32..2.0).prop_map(|(radius, height)| Shape::Capsule(radius, height)),
+        (0.01_f32..2.0, prop_oneof![Just(0.0_f32), 0.01_f32..2.0], 0.01_f32..2.0)
+            .prop_map(|(radius, top, height)| Shape::Cone(radius, top, height)),
+        sizes().prop_map(Shape::Ellipsoid),
+        (0.01_f32..2.0).prop_map(Shape::Plane),
     ];
-    leaf.prop_recursive(5, 24, 4, |inner| {
+    let kind = || prop_oneof![Just(Kind::Union), Just(Kind::Intersection), Just(Kind::Difference)];
+    leaf.prop_recursive(5, 24, 4, move |inner| {
         prop_oneof![
-            prop::collection::vec(inner.clone(), 1..4).prop_map(Shape::Union),
-            (prop::collection::vec(inner.clone(), 1..4), prop_oneof![Just(0.0_f32), 1e-3_f32..3.0])
-                .prop_map(|(children, k)| Shape::Smooth(children, k)),
+            (kind(), prop::collection::vec(inner.clone(), 1..4))
+                .prop_map(|(kind, children)| Shape::Operator(kind, children, None)),
+            (kind(), prop::collection::vec(inner.clone(), 1..4), prop_oneof![Just(0.0_f32), 1e-3_f32..3.0])
+                .prop_map(|(kind, children, k)| Shape::Operator(kind, children, Some(k))),
             (inner, vector(2.0), vector(3.0), 0.1_f32..4.0)
                 .prop_map(|(child, t, axis, scale)| Shape::Transform(Box::new(child), t, axis, scale)),
         ]
@@ -90,13 +129,20 @@ proptest! {
     }
 
     #[test]
-    fn outside_the_bounds_values_are_at_least_the_distance_to_them(shape in shapes(), p in vector(12.0)) {
+    fn outside_the_bounds_values_are_positive(shape in shapes(), p in vector(12.0), near in 0.0_f32..1.0) {
         let tape = compile(&shape);
         let bounds = tape.bounds();
-        let nearest = p.clamp(bounds.min, bounds.max);
-        let gap = (p.as_dvec3() - nearest.as_dvec3()).length();
-        if gap > 0.0 {
-            assert!(at(&tape, p) >= gap * (1.0 - 1e-5) - 1e-5, "{} and {gap}", at(&tape, p));
+        if bounds.is_empty() {
+            assert!(at(&tape, p) > 0.0);
+            return Ok(());
+        }
+        // Anywhere, and close to the box.
+        for p in [p, bounds.center() + (p - bounds.center()).normalize() * bounds.size().length() * near] {
+            let gap = (p - p.clamp(bounds.min, bounds.max)).abs().max_element();
+            // The box itself is rounded.
+            if gap > 1e-5 {
+                assert!(at(&tape, p) > 0.0, "{} at {p}, {gap} outside", at(&tape, p));
+            }
         }
     }
 

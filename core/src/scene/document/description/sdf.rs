@@ -78,12 +78,49 @@ variants! {
             /// Full lengths of the edges.
             size: Vec3 = required().from(LEAST).to(GREATEST);
         }
+        /// A box along the axes with rounded edges.
+        "rounded_box" => RoundedBox {
+            /// Full lengths of the edges.
+            size: Vec3 = required().from(LEAST).to(GREATEST);
+            /// Radius of the rounding, at most half the shortest edge.
+            radius: f32 = required().from(0.0).to(GREATEST);
+        }
+        /// Everything below y = 0; it has no end, so that `bounds` or an intersection must cut it.
+        "plane" => Plane {}
         /// A torus around the y axis.
         "torus" => Torus {
             /// Distance from the centre to the middle of the tube.
             major_radius: f32 = required().from(LEAST).to(GREATEST);
             /// Radius of the tube.
             minor_radius: f32 = required().from(LEAST).to(GREATEST);
+        }
+        /// A cylinder around the y axis.
+        "cylinder" => Cylinder {
+            /// Radius.
+            radius: f32 = required().from(LEAST).to(GREATEST);
+            /// Full height.
+            height: f32 = required().from(LEAST).to(GREATEST);
+        }
+        /// A cylinder around the y axis with half balls as its ends.
+        "capsule" => Capsule {
+            /// Radius.
+            radius: f32 = required().from(LEAST).to(GREATEST);
+            /// Full height without the ends; 0 is a sphere.
+            height: f32 = required().from(0.0).to(GREATEST);
+        }
+        /// A cone around the y axis.
+        "cone" => Cone {
+            /// Radius at its bottom.
+            radius: f32 = required().from(LEAST).to(GREATEST);
+            /// Radius at its top; 0 is a tip.
+            top_radius: f32 = or(0.0).from(0.0).to(GREATEST);
+            /// Full height.
+            height: f32 = required().from(LEAST).to(GREATEST);
+        }
+        /// An ellipsoid.
+        "ellipsoid" => Ellipsoid {
+            /// Half axes along x, y and z.
+            radii: Vec3 = required().from(LEAST).to(GREATEST);
         }
         /// The Mandelbulb fractal, within a radius of about 1.25.
         "mandelbulb" => Mandelbulb {
@@ -99,11 +136,35 @@ variants! {
             /// The children by name, at least one.
             children: Named<SdfNode> = required().from(1.0);
         }
+        /// Everything that is in all children.
+        "intersection" => Intersection {
+            /// The children by name, at least one.
+            children: Named<SdfNode> = required().from(1.0);
+        }
+        /// Everything that is in the first child and in none of the others.
+        "difference" => Difference {
+            /// The children by name, at least one; the first one is what is cut.
+            children: Named<SdfNode> = required().from(1.0);
+        }
         /// A union with rounded seams: the polynomial smooth minimum.
         "smooth_union" => SmoothUnion {
             /// Width of the seam; 0 is a plain union.
             k: f32 = required().from(0.0).to(GREATEST);
             /// The children by name, at least one.
+            children: Named<SdfNode> = required().from(1.0);
+        }
+        /// An intersection with rounded edges: the polynomial smooth maximum.
+        "smooth_intersection" => SmoothIntersection {
+            /// Width of the edge; 0 is a plain intersection.
+            k: f32 = required().from(0.0).to(GREATEST);
+            /// The children by name, at least one.
+            children: Named<SdfNode> = required().from(1.0);
+        }
+        /// A difference with rounded edges.
+        "smooth_difference" => SmoothDifference {
+            /// Width of the edge; 0 is a plain difference.
+            k: f32 = required().from(0.0).to(GREATEST);
+            /// The children by name, at least one; the first one is what is cut.
             children: Named<SdfNode> = required().from(1.0);
         }
         /// A child scaled evenly, then rotated, then translated.
@@ -127,10 +188,22 @@ impl SdfNode {
     /// Nodes of the tree, and the depth of its deepest node; 1 and 1 for a leaf.
     pub fn size(&self) -> (u64, u32) {
         let children: &mut dyn Iterator<Item = &Self> = match self {
-            Self::Sphere { .. } | Self::Box { .. } | Self::Torus { .. } | Self::Mandelbulb { .. } => {
-                &mut std::iter::empty()
-            }
-            Self::Union { children } | Self::SmoothUnion { children, .. } => &mut children.values(),
+            Self::Sphere { .. }
+            | Self::Box { .. }
+            | Self::RoundedBox { .. }
+            | Self::Plane {}
+            | Self::Torus { .. }
+            | Self::Cylinder { .. }
+            | Self::Capsule { .. }
+            | Self::Cone { .. }
+            | Self::Ellipsoid { .. }
+            | Self::Mandelbulb { .. } => &mut std::iter::empty(),
+            Self::Union { children }
+            | Self::Intersection { children }
+            | Self::Difference { children }
+            | Self::SmoothUnion { children, .. }
+            | Self::SmoothIntersection { children, .. }
+            | Self::SmoothDifference { children, .. } => &mut children.values(),
             Self::Transform { child, .. } => &mut std::iter::once(child.as_ref()),
         };
         children

@@ -1,0 +1,23 @@
+//! Owns the half-space.
+
+use glam::Vec3;
+
+use crate::math::Aabb;
+use crate::sdf::real::{Point, Real};
+
+/// Everything below the plane `y = 0`: `f(p) = p.y`.
+///
+/// The exact distance; it has no end, so that something else must bound the object.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::sdf) struct Plane;
+
+impl Plane {
+    #[inline]
+    pub(in crate::sdf) fn distance<R: Real>(p: Point<R>) -> R {
+        p.y
+    }
+
+    pub(in crate::sdf) fn bounds() -> Aabb {
+        Aabb { min: Vec3::NEG_INFINITY, max: Vec3::new(f32::INFINITY, 0.0, f32::INFINITY) }
+    }
+}
