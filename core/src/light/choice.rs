@@ -115,8 +115,7 @@ impl Lights {
 
     /// What light `index` (a surface) sends from its point `q`, whose front has the geometric normal `ng`, back along
     /// the unit direction `d` from `from` to `q`: radiance, and the density per solid angle of having sampled it; the
-    /// choice of the light is not in it. `None` from behind, and
-    /// where there is no light of this number.
+    /// choice of the light is not in it. `None` from behind, and where there is no light of this number.
     pub fn emitted(&self, index: usize, from: Vec3, q: Vec3, ng: Vec3, d: Vec3) -> Option<(Vec3, f32)> {
         if d.dot(ng) >= 0.0 {
             return None;
