@@ -1,7 +1,7 @@
 //! Owns compiling the document's tree of distance functions to a tape.
 
 use super::document::{Components, Named, Scale, SdfNode};
-use crate::sdf::{NodeId, SdfError, Tape, TapeBuilder};
+use crate::sdf::{NodeId, NoiseParameters, SdfError, Tape, TapeBuilder};
 use glam::{DVec3, Mat3};
 
 /// The tape of a tree.
@@ -25,6 +25,34 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
         SdfNode::Ellipsoid { radii } => builder.ellipsoid(*radii),
         SdfNode::Mandelbulb { power, iterations, bailout } => {
             builder.mandelbulb(*power, *iterations, *bailout)
+        }
+        SdfNode::FbmNoiseSphere { radius, amplitude, frequency, octaves, gain, lacunarity, seed } => {
+            let ball = builder.sphere(*radius);
+            builder.fbm_noise(
+                ball,
+                NoiseParameters {
+                    amplitude: *amplitude,
+                    frequency: *frequency,
+                    octaves: *octaves,
+                    gain: *gain,
+                    lacunarity: *lacunarity,
+                    seed: *seed,
+                },
+            )
+        }
+        SdfNode::FbmNoise { amplitude, frequency, octaves, gain, lacunarity, seed, child } => {
+            let child = push(builder, child);
+            builder.fbm_noise(
+                child,
+                NoiseParameters {
+                    amplitude: *amplitude,
+                    frequency: *frequency,
+                    octaves: *octaves,
+                    gain: *gain,
+                    lacunarity: *lacunarity,
+                    seed: *seed,
+                },
+            )
         }
         SdfNode::Union { children } => {
             let children = push_all(builder, children);

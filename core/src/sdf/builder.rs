@@ -4,9 +4,10 @@ use glam::{Mat3, Vec3};
 
 use super::error::SdfError;
 use super::node::{
-    Blend, Capsule, Cone, Cuboid, Cylinder, Ellipsoid, Leaf, Mandelbulb, Operator, RoundedBox, Similarity,
-    Sphere, Torus,
+    Blend, Capsule, Cone, Cuboid, Cylinder, Displacement, Ellipsoid, Leaf, Mandelbulb, Operator, RoundedBox,
+    Similarity, Sphere, Torus,
 };
+use super::noise::NoiseParameters;
 use super::tape::{MAX_DEPTH, Op, Tape};
 
 /// Most nodes of one tree.
@@ -21,6 +22,7 @@ pub struct NodeId(u32);
 enum Node {
     Leaf(Leaf),
     Operator(Operator, Vec<NodeId>),
+    Displace(Displacement, NodeId),
     Transform(Similarity, NodeId),
 }
 
@@ -138,6 +140,14 @@ impl TapeBuilder {
         self.smooth("smooth_difference", blend, Operator::SmoothDifference, hard, children)
     }
 
+    /// A child whose surface is moved out by noise.
+    pub fn fbm_noise(&mut self, child: NodeId, parameters: NoiseParameters) -> NodeId {
+        match Displacement::new(parameters) {
+            Ok(displacement) => self.add(Node::Displace(displacement, child)),
+            Err(error) => self.fail(error),
+        }
+    }
+
     /// A child scaled by `scale`, then turned by `rotation` (a pure rotation; see [`Mat3::from_quat`]), then moved by
     /// `translate`.
     pub fn transform(&mut self, child: NodeId, translate: Vec3, rotation: Mat3, scale: f32) -> NodeId {
@@ -245,6 +255,10 @@ impl TapeBuilder {
                 Node::Operator(operator, children) => {
                     fold(&mut pending, children, Op::Operator(*operator));
                 }
+                Node::Displace(displacement, child) => {
+                    pending.push(Work::Emit(Op::Displace(*displacement)));
+                    pending.push(Work::Visit(*child, None));
+                }
                 Node::Transform(inner, child) => {
                     let placed = placed.map_or(*inner, |outer: Similarity| outer.then_inner(*inner));
                     pending.push(Work::Visit(*child, Some(placed)));
@@ -279,6 +293,7 @@ fn depth(ops: &[Op]) -> usize {
         match op {
             Op::Leaf(_) => values += 1,
             Op::Operator(_) => values -= 1,
+            Op::Displace(_) => {}
             Op::Enter(_) => points += 1,
             Op::Leave(_) => points -= 1,
         }

@@ -5,6 +5,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use glam::Vec3;
 
+use super::noise;
+
 /// A number that a distance function can be evaluated in.
 ///
 /// Implementations may hold several lanes, derivatives or an interval, so nodes never branch on a value: they
@@ -49,6 +51,17 @@ pub trait Real:
     /// Power with a constant exponent, of a number that is not negative.
     #[must_use]
     fn powf(self, exponent: f32) -> Self;
+    /// Greatest whole number that is not above.
+    #[must_use]
+    fn floor(self) -> Self;
+    /// The gradient of noise in a corner of the lattice: whole numbers plus `step`; `key` is that of the octave.
+    fn lattice_gradient(cell: Point<Self>, step: [u32; 3], key: u32) -> Point<Self>;
+    /// An octave of gradient noise at a place measured in cells; `key` is that of the octave.
+    #[must_use]
+    #[inline]
+    fn gradient_noise(place: Point<Self>, key: u32) -> Self {
+        noise::gradient_noise(place, key)
+    }
     /// Lane by lane `self < other`.
     fn less(self, other: Self) -> Self::Mask;
     /// Lane by lane `yes` where the mask holds, else `no`.
@@ -99,6 +112,17 @@ impl Real for f32 {
     #[inline]
     fn powf(self, exponent: f32) -> Self {
         libm::powf(self, exponent)
+    }
+    #[inline]
+    fn floor(self) -> Self {
+        self.floor()
+    }
+    #[inline]
+    fn lattice_gradient(cell: Point<Self>, step: [u32; 3], key: u32) -> Point<Self> {
+        let [x, y, z] = [cell.x as i32, cell.y as i32, cell.z as i32];
+        let [right, up, near] = step.map(u32::cast_signed);
+        let (x, y, z) = (x.wrapping_add(right), y.wrapping_add(up), z.wrapping_add(near));
+        Point::splat(Vec3::from_array(noise::gradient(x, y, z, key)))
     }
     #[inline]
     fn less(self, other: Self) -> bool {
@@ -156,6 +180,17 @@ impl Real for f64 {
     #[inline]
     fn powf(self, exponent: f32) -> Self {
         libm::pow(self, Self::from(exponent))
+    }
+    #[inline]
+    fn floor(self) -> Self {
+        self.floor()
+    }
+    #[inline]
+    fn lattice_gradient(cell: Point<Self>, step: [u32; 3], key: u32) -> Point<Self> {
+        let [x, y, z] = [cell.x as i32, cell.y as i32, cell.z as i32];
+        let [right, up, near] = step.map(u32::cast_signed);
+        let (x, y, z) = (x.wrapping_add(right), y.wrapping_add(up), z.wrapping_add(near));
+        Point::splat(Vec3::from_array(noise::gradient(x, y, z, key)))
     }
     #[inline]
     fn less(self, other: Self) -> bool {

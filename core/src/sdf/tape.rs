@@ -2,15 +2,17 @@
 
 use crate::math::Aabb;
 
-use super::node::{Cuboid, Leaf, Operator, transform};
+use super::node::{Cuboid, Displacement, Leaf, Operator, transform};
 use super::real::{Point, Real};
 
-/// One step of a tape. Leaves push a value; operators pop two values and push one; [`Op::Enter`] changes the point
+/// One step of a tape. Leaves push a value; operators pop two values and push one; [`Op::Displace`] changes the value
+/// on top; [`Op::Enter`] changes the point
 /// that leaves see until the matching [`Op::Leave`].
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Op {
     Leaf(Leaf),
     Operator(Operator),
+    Displace(Displacement),
     Enter(transform::Placement),
     /// Ends a placement: the value on top is multiplied by the scale.
     Leave(f32),
@@ -113,6 +115,7 @@ impl Tape {
                     held -= 1;
                     top = operator.distance(below[held], top);
                 }
+                Op::Displace(displacement) => top = displacement.distance(top, point),
                 Op::Enter(placement) => {
                     outer[entered] = point;
                     entered += 1;
@@ -155,6 +158,10 @@ impl Summary {
                     let a = boxes.pop().expect("an operator has two operands");
                     operator.bounds(a, b)
                 }
+                Op::Displace(displacement) => {
+                    reach = reach.max(displacement.reach() * scale);
+                    continue;
+                }
                 Op::Enter(placement) => {
                     placements.push((*placement, scale));
                     reach = reach.max(placement.reach() * scale);
@@ -184,6 +191,11 @@ fn margins(ops: &[Op]) -> Vec<f32> {
             Op::Operator(operator) => {
                 if let Some(margin) = pending.pop() {
                     pending.extend([operator.margin(margin); 2]);
+                }
+            }
+            Op::Displace(displacement) => {
+                if let Some(margin) = pending.last_mut() {
+                    *margin += displacement.reach();
                 }
             }
             Op::Leave(scale) => {

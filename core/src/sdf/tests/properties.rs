@@ -3,7 +3,7 @@
 use glam::{DVec3, Mat3, Quat, Vec3};
 use proptest::prelude::{Just, Strategy, prop, prop_oneof, proptest};
 
-use crate::sdf::{NodeId, Point, Tape, TapeBuilder};
+use crate::sdf::{NodeId, NoiseParameters, Point, Tape, TapeBuilder};
 
 /// A tree as data, for proptest to make and shrink.
 #[derive(Debug, Clone)]
@@ -20,6 +20,7 @@ enum Shape {
     Plane(f32),
     /// Hard where there is no `k`.
     Operator(Kind, Vec<Self>, Option<f32>),
+    Displaced(Box<Self>, NoiseParameters),
     Transform(Box<Self>, Vec3, Vec3, f32),
 }
 
@@ -55,6 +56,10 @@ fn add(t: &mut TapeBuilder, shape: &Shape) -> NodeId {
                 (Kind::Difference, Some(k)) => t.smooth_difference(&ids, *k),
             }
         }
+        Shape::Displaced(child, parameters) => {
+            let child = add(t, child);
+            t.fbm_noise(child, *parameters)
+        }
         Shape::Transform(child, translate, axis, scale) => {
             let child = add(t, child);
             let turn = Mat3::from_quat(Quat::from_scaled_axis(*axis));
@@ -77,6 +82,19 @@ fn sizes() -> impl Strategy<Value = Vec3> {
     [0.01_f32..2.0, 0.01_f32..2.0, 0.01_f32..2.0].prop_map(Vec3::from_array)
 }
 
+fn noises() -> impl Strategy<Value = NoiseParameters> {
+    (0.0_f32..0.5, 0.2_f32..5.0, 1_u32..6, 0.0_f32..=1.0, 1.0_f32..3.0, 0_u32..9).prop_map(
+        |(amplitude, frequency, octaves, gain, lacunarity, seed)| NoiseParameters {
+            amplitude,
+            frequency,
+            octaves,
+            gain,
+            lacunarity,
+            seed,
+        },
+    )
+}
+
 fn shapes() -> impl Strategy<Value = Shape> {
     let leaf = prop_oneof![
         (0.01_f32..2.0).prop_map(Shape::Sphere),
@@ -97,6 +115,8 @@ fn shapes() -> impl Strategy<Value = Shape> {
                 .prop_map(|(kind, children)| Shape::Operator(kind, children, None)),
             (kind(), prop::collection::vec(inner.clone(), 1..4), prop_oneof![Just(0.0_f32), 1e-3_f32..3.0])
                 .prop_map(|(kind, children, k)| Shape::Operator(kind, children, Some(k))),
+            (inner.clone(), noises())
+                .prop_map(|(child, parameters)| Shape::Displaced(Box::new(child), parameters)),
             (inner, vector(2.0), vector(3.0), 0.1_f32..4.0)
                 .prop_map(|(child, t, axis, scale)| Shape::Transform(Box::new(child), t, axis, scale)),
         ]

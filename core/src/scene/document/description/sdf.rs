@@ -131,6 +131,40 @@ variants! {
             /// Radius at which a point counts as escaped.
             bailout: f32 = or(4.0).from(2.0).to(1.0e6);
         }
+        /// A sphere whose surface is moved by fractal noise.
+        "fbm_noise_sphere" => FbmNoiseSphere {
+            /// Radius without the noise.
+            radius: f32 = required().from(LEAST).to(GREATEST);
+            /// How far the first octave moves the surface.
+            amplitude: f32 = required().from(0.0).to(1.0e6);
+            /// Cells of the first octave per unit of length.
+            frequency: f32 = or(1.0).from(1.0e-6).to(1.0e6);
+            /// Number of octaves.
+            octaves: u32 = or(5).from(1.0).to(16.0);
+            /// Amplitude of an octave in units of the one before.
+            gain: f32 = or(0.5).from(0.0).to(1.0);
+            /// Frequency of an octave in units of the one before.
+            lacunarity: f32 = or(2.0).from(1.0).to(8.0);
+            /// Another number is another noise.
+            seed: u32 = or(0);
+        }
+        /// A child whose surface is moved by fractal noise: octaves of gradient noise with Perlin's twelve gradients.
+        "fbm_noise" => FbmNoise {
+            /// How far the first octave moves the surface.
+            amplitude: f32 = required().from(0.0).to(1.0e6);
+            /// Cells of the first octave per unit of length.
+            frequency: f32 = or(1.0).from(1.0e-6).to(1.0e6);
+            /// Number of octaves.
+            octaves: u32 = or(5).from(1.0).to(16.0);
+            /// Amplitude of an octave in units of the one before.
+            gain: f32 = or(0.5).from(0.0).to(1.0);
+            /// Frequency of an octave in units of the one before.
+            lacunarity: f32 = or(2.0).from(1.0).to(8.0);
+            /// Another number is another noise.
+            seed: u32 = or(0);
+            /// The child.
+            child: Box<SdfNode> = required();
+        }
         /// Everything that is in any child.
         "union" => Union {
             /// The children by name, at least one.
@@ -197,14 +231,17 @@ impl SdfNode {
             | Self::Capsule { .. }
             | Self::Cone { .. }
             | Self::Ellipsoid { .. }
-            | Self::Mandelbulb { .. } => &mut std::iter::empty(),
+            | Self::Mandelbulb { .. }
+            | Self::FbmNoiseSphere { .. } => &mut std::iter::empty(),
             Self::Union { children }
             | Self::Intersection { children }
             | Self::Difference { children }
             | Self::SmoothUnion { children, .. }
             | Self::SmoothIntersection { children, .. }
             | Self::SmoothDifference { children, .. } => &mut children.values(),
-            Self::Transform { child, .. } => &mut std::iter::once(child.as_ref()),
+            Self::Transform { child, .. } | Self::FbmNoise { child, .. } => {
+                &mut std::iter::once(child.as_ref())
+            }
         };
         children
             .map(Self::size)

@@ -1,0 +1,197 @@
+//! Owns gradient noise in space and its octaves, with proven bounds of value and slope.
+
+use super::error::{SdfError, require};
+use super::real::{Point, Real};
+
+/// Sum of octaves of gradient noise: `amplitude Σ gainⁱ n(frequency lacunarityⁱ p + i s)`.
+///
+/// An octave `n` is the noise of Perlin, "Improving Noise" (2002): the fade curve 6t⁵ − 15t⁴ + 10t³ and the twelve
+/// edges of a cube as gradients, chosen by an integer hash of (cell, octave, seed) in place of his table, so that the
+/// noise has no period. Octaves are shifted against each other by `s`, because with a whole lacunarity all of them
+/// would be 0 at the same places.
+///
+/// With gradients that may be anything in every corner, `|n|` and `|∇n|` are each the greatest of finitely many smooth
+/// functions over one cell; their greatest values are [`LARGEST`] and [`STEEPEST`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Noise {
+    octaves: u32,
+    gain: f32,
+    lacunarity: f32,
+    amplitude: f32,
+    frequency: f32,
+    seed: u32,
+    /// What all octaves together add at most.
+    bound: f32,
+}
+
+/// Most that an octave is away from 0, rounded up (1.03635, near two fifths of the way from a face to the middle).
+const LARGEST: f32 = 1.0364;
+
+/// Steepest slope of an octave, in units per cell (reached in the middle of a cell).
+const STEEPEST: f32 = 3.75;
+
+/// How far octaves are moved against each other, in cells: powers of the three-dimensional golden ratio.
+const SHIFT: [f32; 3] = [0.819_172_5, 0.671_043_6, 0.549_700_5];
+
+/// What a document says about noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseParameters {
+    /// Height of the first octave, in units of length; 0 to 1e6.
+    pub amplitude: f32,
+    /// Cells of the first octave per unit of length; 1e-6 to 1e6.
+    pub frequency: f32,
+    /// Number of octaves, 1 to 16.
+    pub octaves: u32,
+    /// Amplitude of an octave in units of the one before; 0 to 1.
+    pub gain: f32,
+    /// Frequency of an octave in units of the one before; 1 to 8.
+    pub lacunarity: f32,
+    /// Another number is another noise.
+    pub seed: u32,
+}
+
+/// One octave as it is met on the way through them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Octave {
+    amplitude: f32,
+    frequency: f32,
+    /// What this octave adds at most.
+    pub(super) bound: f32,
+    /// What its slope is at most.
+    pub(super) slope: f32,
+    /// What all octaves after it add at most; 0 of the last.
+    pub(super) rest: f32,
+    shift: [f32; 3],
+    key: u32,
+}
+
+impl Noise {
+    pub(super) fn new(parameters: NoiseParameters) -> Result<Self, SdfError> {
+        let NoiseParameters { amplitude, frequency, octaves, gain, lacunarity, seed } = parameters;
+        require(
+            (0.0..=1e6).contains(&amplitude),
+            "fbm_noise.amplitude",
+            amplitude,
+            "a number from 0 to 1e6",
+        )?;
+        require(
+            (1e-6..=1e6).contains(&frequency),
+            "fbm_noise.frequency",
+            frequency,
+            "a number from 1e-6 to 1e6",
+        )?;
+        let count = octaves as f32;
+        require((1..=16).contains(&octaves), "fbm_noise.octaves", count, "an integer from 1 to 16")?;
+        require((0.0..=1.0).contains(&gain), "fbm_noise.gain", gain, "a number from 0 to 1")?;
+        require(
+            (1.0..=8.0).contains(&lacunarity),
+            "fbm_noise.lacunarity",
+            lacunarity,
+            "a number from 1 to 8",
+        )?;
+        let mut noise = Self { octaves, gain, lacunarity, amplitude, frequency, seed, bound: 0.0 };
+        // A little more than the sum, so that its rounding does not matter.
+        noise.bound = noise.octaves().map(|octave| octave.bound).sum::<f32>() * (1.0 + 1e-6);
+        Ok(noise)
+    }
+
+    /// What all octaves together are away from 0 at most.
+    pub(super) fn bound(&self) -> f32 {
+        self.bound
+    }
+
+    /// The octaves, the coarsest first.
+    #[inline]
+    pub(super) fn octaves(&self) -> impl Iterator<Item = Octave> {
+        let Self { gain, lacunarity, seed, .. } = *self;
+        let (mut amplitude, mut frequency, mut rest) = (self.amplitude, self.frequency, self.bound);
+        let last = self.octaves - 1;
+        (0..self.octaves).map(move |number| {
+            let bound = amplitude * LARGEST;
+            rest = if number == last { 0.0 } else { (rest - bound).max(0.0) };
+            let octave = Octave {
+                amplitude,
+                frequency,
+                bound,
+                rest,
+                slope: amplitude * frequency * STEEPEST,
+                shift: SHIFT.map(|part| part * number as f32),
+                key: mix(seed.wrapping_add(number.wrapping_mul(0x9e37_79b9))),
+            };
+            amplitude *= gain;
+            frequency *= lacunarity;
+            octave
+        })
+    }
+}
+
+impl Octave {
+    /// What the octave adds at a place.
+    #[inline]
+    pub(super) fn at<R: Real>(&self, p: Point<R>) -> R {
+        let scale = R::splat(self.frequency);
+        let [x, y, z] = self.shift.map(R::splat);
+        let place = Point::new(p.x * scale + x, p.y * scale + y, p.z * scale + z);
+        R::splat(self.amplitude) * R::gradient_noise(place, self.key)
+    }
+}
+
+/// An octave at a place measured in cells; `key` is that of the octave.
+#[inline]
+pub(super) fn gradient_noise<R: Real>(place: Point<R>, key: u32) -> R {
+    let cell = Point::new(place.x.floor(), place.y.floor(), place.z.floor());
+    let part = Point::new(place.x - cell.x, place.y - cell.y, place.z - cell.z);
+    let one = R::splat(1.0);
+    let corner = |right: u32, up: u32, near: u32| {
+        let g = R::lattice_gradient(cell, [right, up, near], key);
+        let along = |part: R, step: u32| if step == 0 { part } else { part - one };
+        g.x * along(part.x, right) + g.y * along(part.y, up) + g.z * along(part.z, near)
+    };
+    let (x, y, z) = (fade(part.x), fade(part.y), fade(part.z));
+    let between = |a: R, b: R, share: R| a + share * (b - a);
+    let row = |up: u32, near: u32| between(corner(0, up, near), corner(1, up, near), x);
+    let face = |near: u32| between(row(0, near), row(1, near), y);
+    between(face(0), face(1), z)
+}
+
+/// From 0 to 1 with no slope and no curvature at the ends.
+#[inline]
+fn fade<R: Real>(t: R) -> R {
+    t * t * t * (t * (t * R::splat(6.0) - R::splat(15.0)) + R::splat(10.0))
+}
+
+/// The gradient in a corner of the lattice: one of the twelve edges of a cube, four of them twice as likely.
+#[inline]
+pub(super) fn gradient(x: i32, y: i32, z: i32, key: u32) -> [f32; 3] {
+    let key = mix(key.wrapping_add((x as u32).wrapping_mul(0x85eb_ca6b)));
+    let key = mix(key.wrapping_add((y as u32).wrapping_mul(0xc2b2_ae35)));
+    GRADIENTS[(mix(key.wrapping_add((z as u32).wrapping_mul(0x27d4_eb2f))) >> 28) as usize]
+}
+
+/// Perlin's gradients for four bits; their mean is zero.
+const GRADIENTS: [[f32; 3]; 16] = [
+    [1.0, 1.0, 0.0],
+    [-1.0, 1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [-1.0, -1.0, 0.0],
+    [1.0, 0.0, 1.0],
+    [-1.0, 0.0, 1.0],
+    [1.0, 0.0, -1.0],
+    [-1.0, 0.0, -1.0],
+    [0.0, 1.0, 1.0],
+    [0.0, -1.0, 1.0],
+    [0.0, 1.0, -1.0],
+    [0.0, -1.0, -1.0],
+    [1.0, 1.0, 0.0],
+    [0.0, -1.0, 1.0],
+    [-1.0, 1.0, 0.0],
+    [0.0, -1.0, -1.0],
+];
+
+/// A bijection of 32 bits whose every input bit changes every output bit about half the time (the constants are
+/// those of the least biased two-round multiply and shift that is known, Wellons' search).
+fn mix(mut bits: u32) -> u32 {
+    bits = (bits ^ (bits >> 16)).wrapping_mul(0x21f0_aaad);
+    bits = (bits ^ (bits >> 15)).wrapping_mul(0x735a_2d97);
+    bits ^ (bits >> 15)
+}
