@@ -26,6 +26,7 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
         SdfNode::Mandelbulb { power, iterations, bailout } => {
             builder.mandelbulb(*power, *iterations, *bailout)
         }
+        SdfNode::Julia { c, iterations } => builder.julia(*c, *iterations),
         SdfNode::FbmNoiseSphere { radius, amplitude, frequency, octaves, gain, lacunarity, seed } => {
             let ball = builder.sphere(*radius);
             builder.fbm_noise(
@@ -77,6 +78,18 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
         SdfNode::SmoothDifference { k, children } => {
             let children = push_all(builder, children);
             builder.smooth_difference(&children, *k)
+        }
+        SdfNode::Repetition { period, count, child } => {
+            let child = push(builder, child);
+            builder.repetition(child, *period, *count)
+        }
+        SdfNode::Twist { degrees, child } => {
+            let child = push(builder, child);
+            builder.twist(child, *degrees)
+        }
+        SdfNode::Bend { degrees, child } => {
+            let child = push(builder, child);
+            builder.bend(child, *degrees)
         }
         SdfNode::Transform { translate, rotate, scale, child } => {
             let child = push(builder, child);

@@ -1,11 +1,11 @@
 //! Owns the way from a tree of nodes to a tape.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec3, Vec4};
 
 use super::error::SdfError;
 use super::node::{
-    Blend, Capsule, Cone, Cuboid, Cylinder, Displacement, Ellipsoid, Leaf, Mandelbulb, Operator, RoundedBox,
-    Similarity, Sphere, Torus,
+    Axis, Blend, Capsule, Cone, Cuboid, Cylinder, Displacement, Ellipsoid, Julia, Leaf, Mandelbulb, Operator,
+    Repetition, RoundedBox, Similarity, Space, Sphere, Torus, Winding,
 };
 use super::noise::NoiseParameters;
 use super::tape::{MAX_DEPTH, Op, Tape};
@@ -23,6 +23,7 @@ enum Node {
     Leaf(Leaf),
     Operator(Operator, Vec<NodeId>),
     Displace(Displacement, NodeId),
+    Space(Space, NodeId),
     Transform(Similarity, NodeId),
 }
 
@@ -31,7 +32,7 @@ enum Node {
 /// The first error is kept and returned by [`TapeBuilder::finish`]; until then every method returns an id.
 ///
 /// ```
-/// use glam::{Mat3, Vec3};
+/// use glam::{Mat3, Vec3, Vec4};
 /// use karst_core::sdf::{Point, TapeBuilder};
 ///
 /// let mut tree = TapeBuilder::new();
@@ -107,6 +108,11 @@ impl TapeBuilder {
         self.leaf(Mandelbulb::new(power, iterations, bailout).map(Leaf::Mandelbulb))
     }
 
+    /// Slice `w = 0` of the Julia set of `q² + c` in the quaternions, at most 2.6 in radius.
+    pub fn julia(&mut self, c: Vec4, iterations: u32) -> NodeId {
+        self.leaf(Julia::new(c, iterations).map(Leaf::Julia))
+    }
+
     /// Union of one or more objects.
     pub fn union(&mut self, children: &[NodeId]) -> NodeId {
         self.operator("union", Operator::Union, children)
@@ -148,6 +154,21 @@ impl TapeBuilder {
         }
     }
 
+    /// Copies of a child with a period along each axis (0 for none), `count` of them on either side or without end.
+    pub fn repetition(&mut self, child: NodeId, period: Vec3, count: Option<u32>) -> NodeId {
+        self.space(Repetition::new(period, [count; 3]).map(Space::Repetition), child)
+    }
+
+    /// A child turned around the y axis by `degrees` per unit of y.
+    pub fn twist(&mut self, child: NodeId, degrees: f32) -> NodeId {
+        self.space(Winding::new(Axis::Twist, degrees).map(Space::Winding), child)
+    }
+
+    /// A child turned around the z axis by `degrees` per unit of x.
+    pub fn bend(&mut self, child: NodeId, degrees: f32) -> NodeId {
+        self.space(Winding::new(Axis::Bend, degrees).map(Space::Winding), child)
+    }
+
     /// A child scaled by `scale`, then turned by `rotation` (a pure rotation; see [`Mat3::from_quat`]), then moved by
     /// `translate`.
     pub fn transform(&mut self, child: NodeId, translate: Vec3, rotation: Mat3, scale: f32) -> NodeId {
@@ -160,7 +181,8 @@ impl TapeBuilder {
     /// Compiles the tree under `root`.
     ///
     /// # Errors
-    /// The first bad parameter; an operator without children; a node with two parents; more than [`MAX_NODES`] nodes or
+    /// The first bad parameter; an operator without children; copies that are too close to each other; what has no end
+    /// wound; a node with two parents; more than [`MAX_NODES`] nodes or
     /// a nesting that needs more than [`MAX_DEPTH`] intermediate values, with the figure.
     pub fn finish(mut self, root: NodeId) -> Result<Tape, SdfError> {
         if let Some(error) = self.error.take() {
@@ -174,12 +196,19 @@ impl TapeBuilder {
         if depth > MAX_DEPTH {
             return Err(SdfError::TooDeep { found: depth, allowed: MAX_DEPTH });
         }
-        Ok(Tape::new(ops, nodes, depth))
+        Tape::new(ops, nodes, depth)
     }
 
     fn leaf(&mut self, made: Result<Leaf, SdfError>) -> NodeId {
         match made {
             Ok(leaf) => self.add(Node::Leaf(leaf)),
+            Err(error) => self.fail(error),
+        }
+    }
+
+    fn space(&mut self, made: Result<Space, SdfError>, child: NodeId) -> NodeId {
+        match made {
+            Ok(space) => self.add(Node::Space(space, child)),
             Err(error) => self.fail(error),
         }
     }
@@ -247,8 +276,9 @@ impl TapeBuilder {
             // A placement of a placement is one placement; anything else ends the chain.
             if let (Some(outer), false) = (placed, matches!(self.nodes[index], Node::Transform(..))) {
                 let placement = outer.placement()?;
-                ops.push(Op::Enter(placement));
-                pending.push(Work::Emit(Op::Leave(placement.scale)));
+                let space = Space::Placement(placement);
+                ops.push(Op::Enter(space));
+                pending.push(Work::Emit(Op::Leave(space)));
             }
             match &self.nodes[index] {
                 Node::Leaf(leaf) => ops.push(Op::Leaf(*leaf)),
@@ -257,6 +287,11 @@ impl TapeBuilder {
                 }
                 Node::Displace(displacement, child) => {
                     pending.push(Work::Emit(Op::Displace(*displacement)));
+                    pending.push(Work::Visit(*child, None));
+                }
+                Node::Space(space, child) => {
+                    ops.push(Op::Enter(*space));
+                    pending.push(Work::Emit(Op::Leave(*space)));
                     pending.push(Work::Visit(*child, None));
                 }
                 Node::Transform(inner, child) => {

@@ -65,7 +65,7 @@ impl Sdf {
         let (tape, bounds) = match bounds {
             Some(given) if endless => {
                 is_box(given)?;
-                (tape.cut(given), given)
+                (tape.cut(given)?, given)
             }
             Some(given) => {
                 let bounds = check_bounds(&tape, given)?;

@@ -2,7 +2,8 @@
 
 use crate::math::Aabb;
 
-use super::node::{Cuboid, Displacement, Leaf, Operator, transform};
+use super::error::SdfError;
+use super::node::{Cuboid, Displacement, Leaf, Operator, Space, transform};
 use super::real::{Point, Real};
 
 /// One step of a tape. Leaves push a value; operators pop two values and push one; [`Op::Displace`] changes the value
@@ -13,9 +14,9 @@ pub(super) enum Op {
     Leaf(Leaf),
     Operator(Operator),
     Displace(Displacement),
-    Enter(transform::Placement),
-    /// Ends a placement: the value on top is multiplied by the scale.
-    Leave(f32),
+    Enter(Space),
+    /// Back to the parent's space.
+    Leave(Space),
 }
 
 /// Most intermediate values, and most nested placements, that a tape may need.
@@ -37,9 +38,12 @@ pub struct Tape {
 
 impl Tape {
     /// A tape of steps that leave exactly one value, from a tree of `nodes` nodes.
-    pub(super) fn new(ops: Vec<Op>, nodes: usize, depth: usize) -> Self {
-        let summary = Summary::of(&ops);
-        Self { ops, depth, nodes, bounds: summary.bounds, reach: summary.reach, level: summary.level }
+    ///
+    /// # Errors
+    /// A child that its space does not suit.
+    pub(super) fn new(mut ops: Vec<Op>, nodes: usize, depth: usize) -> Result<Self, SdfError> {
+        let summary = Summary::of(&mut ops)?;
+        Ok(Self { ops, depth, nodes, bounds: summary.bounds, reach: summary.reach, level: summary.level })
     }
 
     /// Nodes of the tree that this tape was made from.
@@ -48,13 +52,16 @@ impl Tape {
     }
 
     /// The tape of what is inside of a box.
-    pub(super) fn cut(mut self, to: Aabb) -> Self {
+    ///
+    /// # Errors
+    /// None but those of [`Tape::new`].
+    pub(super) fn cut(mut self, to: Aabb) -> Result<Self, SdfError> {
         let half = Cuboid::from_half(to.size() * 0.5);
-        let place = transform::Placement::at(to.center());
+        let place = Space::Placement(transform::Placement::at(to.center()));
         self.ops.extend([
             Op::Enter(place),
             Op::Leaf(Leaf::Cuboid(half)),
-            Op::Leave(1.0),
+            Op::Leave(place),
             Op::Operator(Operator::Intersection),
         ]);
         Self::new(self.ops, self.nodes, self.depth.max(2))
@@ -116,15 +123,15 @@ impl Tape {
                     top = operator.distance(below[held], top);
                 }
                 Op::Displace(displacement) => top = displacement.distance(top, point),
-                Op::Enter(placement) => {
+                Op::Enter(space) => {
                     outer[entered] = point;
                     entered += 1;
-                    point = placement.enter(point);
+                    point = space.enter(point);
                 }
-                Op::Leave(scale) => {
+                Op::Leave(space) => {
                     entered -= 1;
                     point = outer[entered];
-                    top = top * R::splat(*scale);
+                    top = space.leave(top, point);
                 }
             }
         }
@@ -140,17 +147,19 @@ struct Summary {
 }
 
 impl Summary {
-    fn of(ops: &[Op]) -> Self {
+    /// Walks the steps, and fits spaces to what is in them.
+    fn of(ops: &mut [Op]) -> Result<Self, SdfError> {
         let mut margins = margins(ops);
         let mut boxes: Vec<Aabb> = Vec::new();
-        let mut placements: Vec<(transform::Placement, f32)> = Vec::new();
-        let (mut scale, mut reach, mut level) = (1.0_f32, 0.0_f32, None);
+        let mut scales: Vec<f32> = Vec::new();
+        let (mut scale, mut reach, mut level) = (1.0_f32, 0.0_f32, None::<f32>);
         for op in ops {
             let found = match op {
                 Op::Leaf(leaf) => {
                     reach = reach.max(leaf.reach() * scale);
-                    let here = leaf.level().map(|level| level * scale);
-                    level = level.map_or(here, |other: f32| Some(here.map_or(other, |here| here.max(other))));
+                    if let Some(here) = leaf.level() {
+                        level = Some(level.unwrap_or(0.0).max(here * scale));
+                    }
                     leaf.bounds(margins.pop().expect("every leaf has a margin"))
                 }
                 Op::Operator(operator) => {
@@ -162,27 +171,28 @@ impl Summary {
                     reach = reach.max(displacement.reach() * scale);
                     continue;
                 }
-                Op::Enter(placement) => {
-                    placements.push((*placement, scale));
-                    reach = reach.max(placement.reach() * scale);
-                    scale *= placement.scale;
+                Op::Enter(space) => {
+                    scales.push(scale);
+                    reach = reach.max(space.reach() * scale);
+                    scale *= space.scale();
                     continue;
                 }
-                Op::Leave(_) => {
-                    let (placement, outer) = placements.pop().expect("every Leave has its Enter");
-                    scale = outer;
-                    placement.bounds(boxes.pop().expect("a placement has a child"))
+                Op::Leave(space) => {
+                    scale = scales.pop().expect("every Leave has its Enter");
+                    let hull = boxes.pop().expect("a space has a child");
+                    *space = space.around(hull)?;
+                    space.bounds(hull, margins.pop().expect("every space has a margin"))
                 }
             };
             boxes.push(found);
         }
         let bounds = boxes.pop().unwrap_or(Aabb::EMPTY);
-        Self { bounds: if bounds.is_empty() { Aabb::EMPTY } else { bounds }, reach, level }
+        Ok(Self { bounds: if bounds.is_empty() { Aabb::EMPTY } else { bounds }, reach, level })
     }
 }
 
-/// The value of each leaf, the last one first, up to which it matters for where the whole is not positive: from the
-/// last step back to the first, what each operator needs of its operands.
+/// The value of each leaf and space, the last one first, up to which it matters for where the whole is not positive:
+/// from the last step back to the first, what each step needs of what is below it.
 fn margins(ops: &[Op]) -> Vec<f32> {
     let (mut pending, mut margins) = (vec![0.0_f32], Vec::new());
     for op in ops.iter().rev() {
@@ -198,9 +208,10 @@ fn margins(ops: &[Op]) -> Vec<f32> {
                     *margin += displacement.reach();
                 }
             }
-            Op::Leave(scale) => {
+            Op::Leave(space) => {
                 if let Some(margin) = pending.last_mut() {
-                    *margin /= scale;
+                    margins.push(*margin);
+                    *margin = space.margin(*margin);
                 }
             }
             Op::Enter(_) => {}

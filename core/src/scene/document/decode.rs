@@ -1,6 +1,6 @@
 //! Owns how values of the document become values of Rust, for the types that fields are made of.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3, Vec4};
 use serde_json::{Value as Json, json};
 
 use crate::bsdf::Distribution;
@@ -204,7 +204,7 @@ macro_rules! vectors {
     )+};
 }
 
-vectors!(DVec2: f64, 2; Vec3: f32, 3; DVec3: f64, 3);
+vectors!(DVec2: f64, 2; Vec3: f32, 3; Vec4: f32, 4; DVec3: f64, 3);
 
 impl Decode for String {
     fn decode(at: &Cursor<'_>, allowed: &Allowed) -> Option<Self> {

@@ -1,7 +1,8 @@
 //! Owns the set of solids that trees are made of.
 
 use super::{
-    Capsule, Cone, Cuboid, Cylinder, Ellipsoid, Mandelbulb, Plane, RoundedBox, Sphere, Torus, mandelbulb,
+    Capsule, Cone, Cuboid, Cylinder, Ellipsoid, Julia, Mandelbulb, Plane, RoundedBox, Sphere, Torus, julia,
+    mandelbulb,
 };
 use crate::math::Aabb;
 use crate::sdf::real::{Point, Real};
@@ -19,6 +20,7 @@ pub(in crate::sdf) enum Leaf {
     Cone(Cone),
     Ellipsoid(Ellipsoid),
     Mandelbulb(Mandelbulb),
+    Julia(Julia),
 }
 
 impl Leaf {
@@ -35,6 +37,7 @@ impl Leaf {
             Self::Cone(solid) => solid.distance(p),
             Self::Ellipsoid(solid) => solid.distance(p),
             Self::Mandelbulb(solid) => solid.distance(p),
+            Self::Julia(solid) => solid.distance(p),
         }
     }
 
@@ -51,6 +54,7 @@ impl Leaf {
             Self::Cone(solid) => solid.bounds(),
             Self::Ellipsoid(solid) => solid.bounds(),
             Self::Mandelbulb(solid) => return solid.bounds(margin),
+            Self::Julia(solid) => return solid.bounds(margin),
         };
         // All values above are at least the distance to the box.
         hull.grown(margin)
@@ -68,12 +72,25 @@ impl Leaf {
             | Self::Cylinder(_)
             | Self::Capsule(_)
             | Self::Ellipsoid(_)
-            | Self::Mandelbulb(_) => 0.0,
+            | Self::Mandelbulb(_)
+            | Self::Julia(_) => 0.0,
         }
     }
 
     /// The value that stands for the surface, where that is a choice.
     pub(in crate::sdf) fn level(&self) -> Option<f32> {
-        matches!(self, Self::Mandelbulb(_)).then_some(mandelbulb::LEVEL)
+        match self {
+            Self::Mandelbulb(_) => Some(mandelbulb::LEVEL),
+            Self::Julia(_) => Some(julia::LEVEL),
+            Self::Sphere(_)
+            | Self::Cuboid(_)
+            | Self::RoundedBox(_)
+            | Self::Plane
+            | Self::Torus(_)
+            | Self::Cylinder(_)
+            | Self::Capsule(_)
+            | Self::Cone(_)
+            | Self::Ellipsoid(_) => None,
+        }
     }
 }

@@ -21,6 +21,11 @@ enum Shape {
     /// Hard where there is no `k`.
     Operator(Kind, Vec<Self>, Option<f32>),
     Displaced(Box<Self>, NoiseParameters),
+    /// Gaps between copies, in units of the child's size, and copies on either side; made only where the child ends.
+    Repeated(Box<Self>, Vec3, u32),
+    /// Degrees per unit of length.
+    Twisted(Box<Self>, f32),
+    Bent(Box<Self>, f32),
     Transform(Box<Self>, Vec3, Vec3, f32),
 }
 
@@ -55,6 +60,21 @@ fn add(t: &mut TapeBuilder, shape: &Shape) -> NodeId {
                 (Kind::Difference, None) => t.difference(&ids),
                 (Kind::Difference, Some(k)) => t.smooth_difference(&ids, *k),
             }
+        }
+        Shape::Repeated(child, gaps, count) => {
+            let hull = compile(child).bounds();
+            let reach = hull.max.max(-hull.min);
+            let period = if hull.is_empty() { *gaps } else { 2.0 * reach * (Vec3::ONE + *gaps) };
+            let child = add(t, child);
+            t.repetition(child, period, Some(*count))
+        }
+        Shape::Twisted(child, degrees) => {
+            let child = add(t, child);
+            t.twist(child, *degrees)
+        }
+        Shape::Bent(child, degrees) => {
+            let child = add(t, child);
+            t.bend(child, *degrees)
         }
         Shape::Displaced(child, parameters) => {
             let child = add(t, child);
@@ -115,6 +135,13 @@ fn shapes() -> impl Strategy<Value = Shape> {
                 .prop_map(|(kind, children)| Shape::Operator(kind, children, None)),
             (kind(), prop::collection::vec(inner.clone(), 1..4), prop_oneof![Just(0.0_f32), 1e-3_f32..3.0])
                 .prop_map(|(kind, children, k)| Shape::Operator(kind, children, Some(k))),
+            (inner.clone(), [0.1_f32..2.0, 0.1_f32..2.0, 0.1_f32..2.0], 1_u32..4).prop_map(
+                |(child, gaps, count)| Shape::Repeated(Box::new(child), Vec3::from_array(gaps), count)
+            ),
+            (inner.clone(), -200.0_f32..200.0)
+                .prop_map(|(child, degrees)| Shape::Twisted(Box::new(child), degrees)),
+            (inner.clone(), -200.0_f32..200.0)
+                .prop_map(|(child, degrees)| Shape::Bent(Box::new(child), degrees)),
             (inner.clone(), noises())
                 .prop_map(|(child, parameters)| Shape::Displaced(Box::new(child), parameters)),
             (inner, vector(2.0), vector(3.0), 0.1_f32..4.0)

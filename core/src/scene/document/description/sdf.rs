@@ -1,6 +1,6 @@
 //! Owns objects made of distance functions.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3, Vec4};
 
 use crate::scene::document::cursor::Cursor;
 use crate::scene::document::macros::{object, variants};
@@ -131,6 +131,13 @@ variants! {
             /// Radius at which a point counts as escaped.
             bailout: f32 = or(4.0).from(2.0).to(1.0e6);
         }
+        /// A slice of the Julia set of q² + c in the quaternions, at most 2.6 in radius.
+        "julia" => Julia {
+            /// The four parts of c, the real one first.
+            c: Vec4 = or(Vec4::new(-0.2, 0.6, 0.2, 0.2)).from(-4.0).to(4.0);
+            /// Iterations of the map; more give finer detail.
+            iterations: u32 = or(12).from(1.0).to(256.0);
+        }
         /// A sphere whose surface is moved by fractal noise.
         "fbm_noise_sphere" => FbmNoiseSphere {
             /// Radius without the noise.
@@ -201,6 +208,30 @@ variants! {
             /// The children by name, at least one; the first one is what is cut.
             children: Named<SdfNode> = required().from(1.0);
         }
+        /// Copies of a child along the axes.
+        "repetition" => Repetition {
+            /// From copy to copy along x, y and z; 0 makes none along an axis.
+            period: Vec3 = required().from(0.0).to(1.0e6);
+            /// Copies on either side of the child along every axis that has a period; `"auto"` has no end, so that `bounds`
+            /// or an intersection must cut it.
+            count: Option<u32> = auto().from(1.0).to(1.0e6);
+            /// The child; within half a period of its origin.
+            child: Box<SdfNode> = required();
+        }
+        /// A child turned around the y axis, the more the higher.
+        "twist" => Twist {
+            /// Degrees per unit of y.
+            degrees: f32 = required().from(-1.0e6).to(1.0e6);
+            /// The child.
+            child: Box<SdfNode> = required();
+        }
+        /// A child turned around the z axis, the more the larger x is: a bar along x becomes a bow.
+        "bend" => Bend {
+            /// Degrees per unit of x.
+            degrees: f32 = required().from(-1.0e6).to(1.0e6);
+            /// The child.
+            child: Box<SdfNode> = required();
+        }
         /// A child scaled evenly, then rotated, then translated.
         "transform" => Transform {
             /// Translation.
@@ -232,6 +263,7 @@ impl SdfNode {
             | Self::Cone { .. }
             | Self::Ellipsoid { .. }
             | Self::Mandelbulb { .. }
+            | Self::Julia { .. }
             | Self::FbmNoiseSphere { .. } => &mut std::iter::empty(),
             Self::Union { children }
             | Self::Intersection { children }
@@ -239,9 +271,11 @@ impl SdfNode {
             | Self::SmoothUnion { children, .. }
             | Self::SmoothIntersection { children, .. }
             | Self::SmoothDifference { children, .. } => &mut children.values(),
-            Self::Transform { child, .. } | Self::FbmNoise { child, .. } => {
-                &mut std::iter::once(child.as_ref())
-            }
+            Self::Transform { child, .. }
+            | Self::FbmNoise { child, .. }
+            | Self::Repetition { child, .. }
+            | Self::Twist { child, .. }
+            | Self::Bend { child, .. } => &mut std::iter::once(child.as_ref()),
         };
         children
             .map(Self::size)
