@@ -57,6 +57,8 @@ impl Julia {
         let two = R::splat(2.0);
         let (mut q, mut last) = (p, R::splat(0.0));
         let mut derivative = R::splat(1.0);
+        // 2⁻ⁿ after n iterations.
+        let mut share = R::splat(1.0);
         let mut square = q.length_squared();
         for _ in 0..self.iterations {
             let active = square.less(limit);
@@ -65,6 +67,7 @@ impl Julia {
             }
             let grown = (two * square.sqrt() * derivative).min(R::splat(MAX_DERIVATIVE));
             derivative = R::select(active, grown, derivative);
+            share = R::select(active, share * R::splat(0.5), share);
             // (a + v)² = a² - v·v + 2 a v
             let real = q.x * q.x - q.y * q.y - q.z * q.z - last * last + x;
             let twice = two * q.x;
@@ -78,10 +81,13 @@ impl Julia {
             square = q.length_squared() + last * last;
         }
         let safe = square.max(R::splat(f32::MIN_POSITIVE));
-        // ½ |q| ln|q| = ¼ |q| ln|q|²
-        let estimate = R::splat(0.25) * safe.sqrt() * safe.ln() / derivative.max(R::splat(f32::MIN_POSITIVE));
+        // |q| ln|q| = ½ |q| ln|q|², 2 G = 2⁻ⁿ ln|q|²
+        let log = safe.ln().max(R::splat(0.0));
+        let slope = derivative.max(R::splat(f32::MIN_POSITIVE)) * (R::splat(1.0) + share * log);
+        let estimate = R::splat(0.25) * safe.sqrt() * log / slope;
         let level = R::splat(LEVEL);
-        let value = R::select(square.less(limit), -level, estimate - level);
+        // Orbits that have not left the bailout radius yet go on smoothly, to 0 where they are within the unit ball.
+        let value = estimate - level;
         // Far away the distance to the escape ball is the better bound.
         let far = p.length() - R::splat(self.escape_radius);
         R::select(R::splat(0.5 * self.escape_radius).less(far), value.min(far), value)

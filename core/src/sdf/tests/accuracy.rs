@@ -1,9 +1,9 @@
 //! Rays against closed forms and against a slow reference march in f64.
 
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, Mat3, Vec3, Vec4};
 
 use super::{Random, exact, hit, melted, moved, object, ray};
-use crate::sdf::{MarchStats, Sdf, SdfRay};
+use crate::sdf::{MarchStats, NoiseParameters, Sdf, SdfRay};
 
 /// Plain sphere tracing in f64 with quarter steps, then bisection: the first root, or `None`.
 fn reference(sdf: &Sdf, ray: &SdfRay) -> Option<f64> {
@@ -95,6 +95,63 @@ fn trees_agree_with_the_reference() {
         ("torus", object(|t| t.torus(1.0, 0.25))),
         ("box", object(|t| t.cuboid(Vec3::new(2.0, 1.0, 0.5)))),
         ("slab", object(|t| t.cuboid(Vec3::new(4.0, 0.02, 4.0)))),
+        ("rounded box", object(|t| t.rounded_box(Vec3::new(2.0, 1.0, 0.5), 0.1))),
+        ("cylinder", object(|t| t.cylinder(0.7, 1.5))),
+        ("capsule", object(|t| t.capsule(0.3, 1.5))),
+        ("cone", object(|t| t.cone(0.8, 0.0, 1.6))),
+        ("cut cone", object(|t| t.cone(0.3, 0.8, 1.0))),
+        ("ellipsoid", object(|t| t.ellipsoid(Vec3::new(1.0, 0.5, 0.2)))),
+        (
+            "lens",
+            object(|t| {
+                let (a, b) = (t.sphere(1.0), t.sphere(1.0));
+                let (a, b) = (moved(t, a, Vec3::X * 0.7), moved(t, b, Vec3::X * -0.7));
+                t.intersection(&[a, b])
+            }),
+        ),
+        (
+            "drilled box",
+            object(|t| {
+                let (cube, hole) = (t.rounded_box(Vec3::splat(1.6), 0.1), t.cylinder(0.4, 3.0));
+                t.smooth_difference(&[cube, hole], 0.2)
+            }),
+        ),
+        (
+            "stone",
+            object(|t| {
+                let ball = t.sphere(1.0);
+                let parameters = NoiseParameters {
+                    amplitude: 0.1,
+                    frequency: 2.0,
+                    octaves: 4,
+                    gain: 0.5,
+                    lacunarity: 2.0,
+                    seed: 1,
+                };
+                t.fbm_noise(ball, parameters)
+            }),
+        ),
+        (
+            "lattice",
+            object(|t| {
+                let ball = t.sphere(0.2);
+                t.repetition(ball, Vec3::new(0.6, 0.8, 1.0), Some(1))
+            }),
+        ),
+        (
+            "screw",
+            object(|t| {
+                let bar = t.rounded_box(Vec3::new(0.8, 2.0, 0.4), 0.05);
+                t.twist(bar, 60.0)
+            }),
+        ),
+        (
+            "bow",
+            object(|t| {
+                let bar = t.rounded_box(Vec3::new(2.0, 0.4, 0.4), 0.05);
+                t.bend(bar, 40.0)
+            }),
+        ),
         (
             "balls",
             object(|t| {
@@ -134,6 +191,22 @@ fn fractals_agree_with_the_reference() {
         assert!(c.stats.exhausted <= 1, "{name}");
         // Powers that are not whole have a seam, where the estimate jumps.
         assert!((c.stats.overshoots as f64) < 2e-3 * c.stats.evaluations as f64, "{name}");
+    }
+}
+
+#[test]
+fn julia_sets_agree_with_the_reference() {
+    for (name, c, iterations) in [
+        ("julia", Vec4::new(-0.2, 0.6, 0.2, 0.2), 10),
+        ("julia of a disk", Vec4::new(-0.125, -0.256, 0.847, 0.0895), 9),
+        ("julia, thin", Vec4::new(-1.0, 0.2, 0.0, 0.0), 8),
+    ] {
+        let sdf = object(|t| t.julia(c, iterations));
+        let compared = compare(name, &sdf, 1024, 0.0);
+        assert!(compared.mismatches <= 3, "{name}");
+        assert!(compared.percentile(0.5) < 1e-6, "{name}");
+        assert!(compared.stats.exhausted <= 1, "{name}");
+        assert!((compared.stats.overshoots as f64) < 2e-3 * compared.stats.evaluations as f64, "{name}");
     }
 }
 
