@@ -1,11 +1,13 @@
 //! Owns images: which format bytes have, and the texels of a file as the file stores them.
 
+mod jpeg;
 mod openexr;
 mod radiance;
 mod raster;
 #[cfg(test)]
 mod tests;
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::LazyLock;
 
 use glam::Vec3;
@@ -36,6 +38,14 @@ pub enum ImageError {
         /// Name of the compression.
         name: String,
     },
+    /// A baseline JPEG with a scan for each colour, which the decoder takes for something else.
+    #[error(
+        "is a baseline JPEG with a scan for each colour, which is not read; save it with one scan, or progressive"
+    )]
+    SeparateScans,
+    /// A damaged file at which the decoder stopped in the middle.
+    #[error("not an image that can be read: its decoder gave up")]
+    Damaged,
     /// More texels than are left of the limit.
     #[error("has {width} x {height} texels, {left} are left of the limit for all images together")]
     TooLarge {
@@ -112,13 +122,17 @@ impl Image {
     /// # Errors
     /// Damaged or foreign files, larger ones, and values that are not finite.
     pub fn read(bytes: &[u8], left: u64) -> Result<Self, ImageError> {
-        if bytes.starts_with(&openexr::MAGIC) {
-            openexr::read(bytes, left)
-        } else if bytes.starts_with(radiance::MAGIC) {
-            radiance::read(bytes, left)
-        } else {
-            raster::read(bytes, left)
-        }
+        let read = || {
+            if bytes.starts_with(&openexr::MAGIC) {
+                openexr::read(bytes, left)
+            } else if bytes.starts_with(radiance::MAGIC) {
+                radiance::read(bytes, left)
+            } else {
+                raster::read(bytes, left)
+            }
+        };
+        // Decoders of foreign formats have had panics on damaged files; nothing of theirs outlives one.
+        catch_unwind(AssertUnwindSafe(read)).unwrap_or(Err(ImageError::Damaged))
     }
 
     /// Width in texels, at least 1.

@@ -4,10 +4,13 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageReader};
 
-use super::{Data, Image, ImageError, check_size};
+use super::{Data, Image, ImageError, check_size, jpeg};
 
 /// Reads a file of at most `left` texels.
 pub(super) fn read(bytes: &[u8], left: u64) -> Result<Image, ImageError> {
+    if jpeg::has_separate_scans(bytes) {
+        return Err(ImageError::SeparateScans);
+    }
     let open =
         || ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::IoError);
     let (width, height) = open()?.into_dimensions()?;

@@ -106,6 +106,22 @@ fn jpeg_files_are_read() {
 }
 
 #[test]
+fn baseline_jpeg_files_with_a_scan_for_each_colour_are_refused() {
+    let flat = ImageBuffer::<Rgb<u8>, _>::from_pixel(16, 8, Rgb([200, 100, 50]));
+    let mut bytes = encode(flat, ImageFormat::Jpeg);
+    let place = |bytes: &[u8], marker: u8| bytes.windows(2).position(|pair| pair == [0xff, marker]).unwrap();
+    let scan = place(&bytes, 0xda);
+    assert_eq!(bytes[scan + 4], 3, "all colours in one scan");
+    bytes[scan + 4] = 1;
+    let error = Image::read(&bytes, LEFT).unwrap_err();
+    assert!(matches!(error, ImageError::SeparateScans), "{error}");
+    // Scans of progressive files have one colour as a rule.
+    let frame = place(&bytes, 0xc0);
+    bytes[frame + 1] = 0xc2;
+    assert!(!matches!(Image::read(&bytes, LEFT), Err(ImageError::SeparateScans)));
+}
+
+#[test]
 fn the_srgb_curve_is_the_standards() {
     let near =
         |found: Vec3, expected: f32| assert!((found - expected).abs().max_element() < 1.0e-6, "{found}");
