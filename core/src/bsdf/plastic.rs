@@ -73,29 +73,31 @@ impl Coat {
 /// Share of light from a direction with this cosine that facets refract to the other side and that no facet masks there:
 /// with what they reflect it is less than 1, as single scattering has it.
 fn transmitted(facets: &Microfacets, cos: f32, ior: f32) -> f64 {
-    let wo = Vec3::new(((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt(), 0.0, cos);
-    let sum: f64 = (0..SAMPLES)
-        .map(|index| {
-            let sampler = Sampler::new(Stream::new(0, 0), [0, 0], Replicate::A, index);
-            let h = facets.sample_visible(wo, sampler.get_2d(Decision::Direction(0)));
-            let (f, cos_t) = fresnel::dielectric(wo.dot(h), ior);
-            let wi = refract(wo, h, ior, cos_t);
-            if wi.z < 0.0 { f64::from((1.0 - f) * facets.unmasked(wi)) } else { 0.0 }
-        })
-        .sum();
-    sum / f64::from(SAMPLES)
+    mean(cos, |wo, u| {
+        let h = facets.sample_visible(wo, u);
+        let (f, cos_t) = fresnel::dielectric(wo.dot(h), ior);
+        let wi = refract(wo, h, ior, cos_t);
+        (wi.z < 0.0).then(|| (1.0 - f) * facets.unmasked(wi))
+    })
 }
 
 /// Directional albedo of the facets' reflection under Fresnel's term, from a direction with this cosine.
 fn reflected(facets: &Microfacets, cos: f32, ior: f32) -> f64 {
+    mean(cos, |wo, u| {
+        let wi = facets.sample_reflection(wo, u);
+        let half = Half::new(wo, wi, 1.0).filter(|_| wi.z > 0.0)?;
+        let (f, _) = fresnel::dielectric(wo.dot(half.h), ior);
+        Some(f * facets.reflected(wo, wi, half.h) / facets.reflection_pdf(wo, half.h))
+    })
+}
+
+/// Mean weight of samples from a direction with this cosine; `None` weighs nothing.
+fn mean(cos: f32, weight: impl Fn(Vec3, Vec2) -> Option<f32>) -> f64 {
     let wo = Vec3::new(((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt(), 0.0, cos);
     let sum: f64 = (0..SAMPLES)
         .filter_map(|index| {
             let sampler = Sampler::new(Stream::new(0, 0), [0, 0], Replicate::A, index);
-            let wi = facets.sample_reflection(wo, sampler.get_2d(Decision::Direction(0)));
-            let half = Half::new(wo, wi, 1.0).filter(|_| wi.z > 0.0)?;
-            let (f, _) = fresnel::dielectric(wo.dot(half.h), ior);
-            Some(f64::from(f * facets.reflected(wo, wi, half.h) / facets.reflection_pdf(wo, half.h)))
+            weight(wo, sampler.get_2d(Decision::Direction(0))).map(f64::from)
         })
         .sum();
     sum / f64::from(SAMPLES)

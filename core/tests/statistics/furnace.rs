@@ -72,7 +72,8 @@ fn difference(shot: &Shot, shown: &Shown, expected: &dyn Fn(f64) -> f64) -> (f64
     (shown.mean / want - 1.0, shown.error / want)
 }
 
-/// Limits: three thousandths, or as many standard errors as `tests` tests may be off by together.
+/// Limits: as many standard errors as that many tests may be off by together, and 0.05 % for the quadrature between its
+/// nodes.
 fn judge(rows: &[(String, f64, f64)]) {
     let limit = limit_of(sidak(FAMILY, rows.len()));
     let cells: Vec<Vec<String>> = rows
