@@ -14,7 +14,7 @@ const FUNCTION_LINES: usize = 100;
 const EXPECTS: &[(&str, usize, &str)] = &[
     ("client/src/commands/render.rs", 1, "a render ends early only when it is told to stop, and nobody does"),
     ("core/src/bvh/build.rs", 1, "two or more places can always be split"),
-    ("core/src/sdf/tape.rs", 4, "a tape is checked for balance when it is compiled"),
+    ("core/src/sdf/tape.rs", 1, "a tape is checked for balance when it is compiled"),
     ("server/src/state/mod.rs", 1, "plain data with text keys always becomes JSON"),
     ("tidy/src/graph.rs", 2, "part of the tests"),
 ];

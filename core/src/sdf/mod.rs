@@ -10,6 +10,7 @@ mod march;
 mod node;
 mod noise;
 mod object;
+mod packet;
 mod real;
 mod root;
 mod tape;

@@ -1,7 +1,7 @@
 //! Owns gradient noise in space and its octaves, with proven bounds of value and slope.
 
 use super::error::{SdfError, require};
-use super::real::{Point, Real};
+use super::real::{Lattice, Point, Real};
 
 /// Sum of octaves of gradient noise: `amplitude Σ gainⁱ n(frequency lacunarityⁱ p + i s)`.
 ///
@@ -138,18 +138,22 @@ impl Octave {
 
 /// An octave at a place measured in cells; `key` is that of the octave.
 #[inline]
-pub(super) fn gradient_noise<R: Real>(place: Point<R>, key: u32) -> R {
-    let cell = Point::new(place.x.floor(), place.y.floor(), place.z.floor());
-    let part = Point::new(place.x - cell.x, place.y - cell.y, place.z - cell.z);
-    let one = R::splat(1.0);
-    let corner = |right: u32, up: u32, near: u32| {
-        let g = R::lattice_gradient(cell, [right, up, near], key);
+pub(super) fn gradient_noise<R: Lattice>(place: Point<R>, key: u32) -> R {
+    // Farther out there is nothing between whole numbers.
+    let whole = |at: R| at.floor().max(R::splat(-FARTHEST)).min(R::splat(FARTHEST));
+    let corner = Point::new(whole(place.x), whole(place.y), whole(place.z));
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let share = |at: R, whole: R| (at - whole).max(zero).min(one);
+    let part = Point::new(share(place.x, corner.x), share(place.y, corner.y), share(place.z, corner.z));
+    let cell = R::cell(corner, key);
+    let dot = |right: u32, up: u32, near: u32| {
+        let g = R::corner(cell, [right, up, near]);
         let along = |part: R, step: u32| if step == 0 { part } else { part - one };
         g.x * along(part.x, right) + g.y * along(part.y, up) + g.z * along(part.z, near)
     };
     let (x, y, z) = (fade(part.x), fade(part.y), fade(part.z));
     let between = |a: R, b: R, share: R| a + share * (b - a);
-    let row = |up: u32, near: u32| between(corner(0, up, near), corner(1, up, near), x);
+    let row = |up: u32, near: u32| between(dot(0, up, near), dot(1, up, near), x);
     let face = |near: u32| between(row(0, near), row(1, near), y);
     between(face(0), face(1), z)
 }
@@ -160,38 +164,33 @@ fn fade<R: Real>(t: R) -> R {
     t * t * t * (t * (t * R::splat(6.0) - R::splat(15.0)) + R::splat(10.0))
 }
 
-/// The gradient in a corner of the lattice: one of the twelve edges of a cube, four of them twice as likely.
+/// Greatest number of a cell that is told apart from its neighbours.
+const FARTHEST: f32 = 8_388_608.0;
+
+/// Odd factors of the three numbers of a cell, whose products together make the hash of the cell.
+pub(super) const STRIDES: [u32; 3] = [0x85eb_ca6b, 0xc2b2_ae35, 0x27d4_eb2f];
+
+/// The gradient that a hash stands for: one of the twelve edges of a cube, all as likely to within 2⁻¹⁵. Their mean is
+/// zero.
 #[inline]
-pub(super) fn gradient(x: i32, y: i32, z: i32, key: u32) -> [f32; 3] {
-    let key = mix(key.wrapping_add((x as u32).wrapping_mul(0x85eb_ca6b)));
-    let key = mix(key.wrapping_add((y as u32).wrapping_mul(0xc2b2_ae35)));
-    GRADIENTS[(mix(key.wrapping_add((z as u32).wrapping_mul(0x27d4_eb2f))) >> 28) as usize]
+pub(super) fn gradient(bits: u32) -> [f32; 3] {
+    let [first, second] = [bits, bits << 1].map(|bits| if bits >> 31 == 0 { 1.0 } else { -1.0 });
+    // Two bytes of the hash times three: which axis has no part in it.
+    match ((bits & 0xffff) * 3) >> 16 {
+        0 => [0.0, first, second],
+        1 => [first, 0.0, second],
+        _ => [first, second, 0.0],
+    }
 }
 
-/// Perlin's gradients for four bits; their mean is zero.
-const GRADIENTS: [[f32; 3]; 16] = [
-    [1.0, 1.0, 0.0],
-    [-1.0, 1.0, 0.0],
-    [1.0, -1.0, 0.0],
-    [-1.0, -1.0, 0.0],
-    [1.0, 0.0, 1.0],
-    [-1.0, 0.0, 1.0],
-    [1.0, 0.0, -1.0],
-    [-1.0, 0.0, -1.0],
-    [0.0, 1.0, 1.0],
-    [0.0, -1.0, 1.0],
-    [0.0, 1.0, -1.0],
-    [0.0, -1.0, -1.0],
-    [1.0, 1.0, 0.0],
-    [0.0, -1.0, 1.0],
-    [-1.0, 1.0, 0.0],
-    [0.0, -1.0, -1.0],
-];
+/// Factors of [`mix`].
+pub(super) const FACTORS: [u32; 2] = [0x21f0_aaad, 0x735a_2d97];
 
 /// A bijection of 32 bits whose every input bit changes every output bit about half the time (the constants are
 /// those of the least biased two-round multiply and shift that is known, Wellons' search).
-fn mix(mut bits: u32) -> u32 {
-    bits = (bits ^ (bits >> 16)).wrapping_mul(0x21f0_aaad);
-    bits = (bits ^ (bits >> 15)).wrapping_mul(0x735a_2d97);
+#[inline]
+pub(super) fn mix(mut bits: u32) -> u32 {
+    bits = (bits ^ (bits >> 16)).wrapping_mul(FACTORS[0]);
+    bits = (bits ^ (bits >> 15)).wrapping_mul(FACTORS[1]);
     bits ^ (bits >> 15)
 }

@@ -1,12 +1,16 @@
 //! Owns a distance-function object as the renderer sees it: tape, bounds and resolved settings.
 
+use std::ops::ControlFlow;
+
 use glam::Vec3;
+use wide::f32x8;
 
 use crate::math::Aabb;
 
 use super::error::{SdfError, require};
-use super::march::{self, MarchStats, ROUNDOFF, Segment};
-use super::real::Point;
+use super::march::{March, MarchStats, ROUNDOFF, Segment};
+use super::packet;
+use super::real::{Dual, Point, Real};
 use super::tape::Tape;
 
 /// What a document may say about the march; `None` is derived.
@@ -16,7 +20,7 @@ pub struct Settings {
     /// Derived: a fraction of the pixel's footprint at the distance travelled.
     pub hit_epsilon: Option<f32>,
     /// Distance over which normals are taken, in object units.
-    /// Derived: as small as f64 allows; on fractals the pixel's footprint, and no less than their level.
+    /// Derived: the gradient itself; on noise the pixel's footprint, and on fractals no less than their level.
     pub normal_epsilon: Option<f32>,
     /// Largest single step, in object units. Derived: no limit.
     pub step_clamp: Option<f32>,
@@ -106,6 +110,35 @@ impl Sdf {
     /// the surface, or [`Sdf::offset`] away from it, does not hit the place that it leaves. Ends after at most
     /// `max_steps` steps; non-finite rays miss.
     pub fn intersect(&self, ray: &SdfRay, stats: &mut MarchStats) -> Option<f32> {
+        let mut march = self.march(ray)?;
+        let at = loop {
+            let p = march.point();
+            let value = self.tape.distance::<f32>(Point::splat(p));
+            if let ControlFlow::Break(hit) = march.tell(self, value, self.noise(p), stats) {
+                break hit?;
+            }
+        };
+        Some(march.segment().reached(at).clamp(ray.t_min, ray.t_max))
+    }
+
+    /// [`Sdf::intersect`] for many rays: `found` gets the name of a ray and its first hit, for those that have one.
+    ///
+    /// The answers are the same, bit for bit; their order is not that of the rays.
+    pub fn intersect_all<N: Copy>(
+        &self,
+        rays: impl Iterator<Item = (N, SdfRay)>,
+        stats: &mut MarchStats,
+        mut found: impl FnMut(N, f32),
+    ) {
+        let marches = rays.filter_map(|(name, ray)| {
+            let march = self.march(&ray)?;
+            Some(((name, ray.t_min, ray.t_max), march))
+        });
+        packet::first_hits(self, marches, stats, |(name, t_min, t_max), t| found(name, t.clamp(t_min, t_max)));
+    }
+
+    /// The march of a ray, unless it misses the bounds.
+    fn march(&self, ray: &SdfRay) -> Option<March> {
         let dir = ray.dir.as_dvec3();
         let length = dir.length();
         if !(length > 0.0 && length.is_finite() && ray.t_min <= ray.t_max) {
@@ -113,29 +146,35 @@ impl Sdf {
         }
         let from = f64::from(ray.t_min.max(0.0)) * length;
         let to = f64::from(ray.t_max) * length;
-        let segment = Segment::clip(self.bounds, ray.origin.as_dvec3(), dir / length, from, to)?;
+        let segment =
+            Segment::clip(self.bounds, ray.origin.as_dvec3(), dir * length.recip(), length, [from, to])?;
         let epsilon = if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
-        let at = march::first_hit(self, &segment, epsilon, stats)?;
-        let t = ((segment.start + f64::from(at)) / length) as f32;
-        Some(t.clamp(ray.t_min, ray.t_max))
+        Some(March::new(segment, epsilon))
     }
 
-    /// Outward unit normal at a point of the surface, from differences at the corners of a small tetrahedron.
+    /// Values at eight points; those of lanes that are not `wanted` mean nothing.
+    #[inline]
+    pub(super) fn distances(&self, p: Point<f32x8>, wanted: [bool; 8]) -> f32x8 {
+        let _ = wanted;
+        self.tape.distance(p)
+    }
+
+    /// Outward unit normal at a point of the surface.
     ///
-    /// `footprint` is the half width of the pixel cone at `p` in object units (0 = unknown): fractals have no limit
-    /// normal, so theirs is taken over the footprint. Always finite and of unit length.
+    /// `footprint` is the half width of the pixel cone at `p` in object units (0 = unknown). Fractals have no limit
+    /// normal and noise may be finer than a pixel: theirs is taken over the footprint. Elsewhere it is the gradient
+    /// itself. Always finite and of unit length.
     pub fn normal(&self, p: Vec3, footprint: f32) -> Vec3 {
-        let derived = match self.tape.level() {
-            Some(level) => f64::from(footprint.max(level)),
-            None => f64::from(self.magnitude(p)) / f64::from(1_u32 << 26),
+        let over = match (self.resolved.normal_epsilon, self.tape.level()) {
+            (Some(given), _) => Some(given),
+            (None, Some(level)) => Some(footprint.max(level)),
+            (None, None) if self.tape.is_rough() && footprint > 0.0 => Some(footprint),
+            (None, None) => None,
         };
-        let h = self.resolved.normal_epsilon.map_or(derived, f64::from).max(f64::MIN_POSITIVE);
-        let mut gradient = glam::DVec3::ZERO;
-        for corner in [[1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]] {
-            let corner = glam::DVec3::from_array(corner);
-            let q = p.as_dvec3() + corner * h;
-            gradient += corner * self.tape.distance::<f64>(Point::new(q.x, q.y, q.z));
-        }
+        let gradient = match over {
+            Some(h) => self.difference(p, h),
+            None => self.tape.distance(Dual::place(p.as_dvec3())).gradient,
+        };
         // Where the gradient vanishes (between equal children, say) away from the middle is as good as any.
         let middle = self.bounds.center();
         gradient
@@ -143,6 +182,23 @@ impl Sdf {
             .map(glam::DVec3::as_vec3)
             .or_else(|| (p - middle).try_normalize())
             .unwrap_or(Vec3::Y)
+    }
+
+    /// The direction of steepest rise between the corners of a tetrahedron around `p`, `h` away along each axis.
+    fn difference(&self, p: Vec3, h: f32) -> glam::DVec3 {
+        let corners = [[1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]];
+        let values = if h >= self.magnitude(p) / 4096.0 {
+            // Wide enough that rounding turns the normal by less than a thousandth.
+            let lane = |axis: usize| f32x8::new(std::array::from_fn(|i| p[axis] + h * corners[i & 3][axis]));
+            let values = self.distances(Point::new(lane(0), lane(1), lane(2)), [true; 8]).to_array();
+            std::array::from_fn(|i| f64::from(values[i]))
+        } else {
+            corners.map(|corner| {
+                let q = p.as_dvec3() + Vec3::from_array(corner).as_dvec3() * f64::from(h);
+                self.tape.distance::<f64>(Point::new(q.x, q.y, q.z))
+            })
+        };
+        corners.iter().zip(values).map(|(&corner, value)| Vec3::from_array(corner).as_dvec3() * value).sum()
     }
 
     /// How far along the normal a ray must start to leave the surface at `p`, in object units:
@@ -156,6 +212,13 @@ impl Sdf {
     /// Rounding error of a value near `p`, in object units.
     pub(super) fn noise(&self, p: Vec3) -> f32 {
         ROUNDOFF * self.magnitude(p)
+    }
+
+    /// Rounding errors of values near eight points, in object units.
+    #[inline]
+    pub(super) fn noises(&self, p: Point<f32x8>) -> f32x8 {
+        let largest = Real::max(Real::max(Real::abs(p.x), Real::abs(p.y)), Real::abs(p.z));
+        f32x8::splat(ROUNDOFF) * Real::max(largest, f32x8::splat(self.tape.reach().max(1e-30)))
     }
 
     /// Largest number that the evaluation at `p` adds or subtracts.

@@ -86,6 +86,11 @@ impl Tape {
         self.level
     }
 
+    /// Whether the surface may have features that are much smaller than the object: fractals and noise.
+    pub(super) fn is_rough(&self) -> bool {
+        self.level.is_some() || self.ops.iter().any(|op| matches!(op, Op::Displace(_)))
+    }
+
     /// Largest number that an evaluation subtracts besides the coordinates of the point, in object units: offsets of
     /// nodes and radii of tori. With the coordinates it bounds the rounding error of a value.
     pub fn reach(&self) -> f32 {
@@ -160,11 +165,10 @@ impl Summary {
                     if let Some(here) = leaf.level() {
                         level = Some(level.unwrap_or(0.0).max(here * scale));
                     }
-                    leaf.bounds(margins.pop().expect("every leaf has a margin"))
+                    leaf.bounds(pop(&mut margins))
                 }
                 Op::Operator(operator) => {
-                    let b = boxes.pop().expect("an operator has two operands");
-                    let a = boxes.pop().expect("an operator has two operands");
+                    let (b, a) = (pop(&mut boxes), pop(&mut boxes));
                     operator.bounds(a, b)
                 }
                 Op::Displace(displacement) => {
@@ -178,10 +182,10 @@ impl Summary {
                     continue;
                 }
                 Op::Leave(space) => {
-                    scale = scales.pop().expect("every Leave has its Enter");
-                    let hull = boxes.pop().expect("a space has a child");
+                    scale = pop(&mut scales);
+                    let hull = pop(&mut boxes);
                     *space = space.around(hull)?;
-                    space.bounds(hull, margins.pop().expect("every space has a margin"))
+                    space.bounds(hull, pop(&mut margins))
                 }
             };
             boxes.push(found);
@@ -189,6 +193,11 @@ impl Summary {
         let bounds = boxes.pop().unwrap_or(Aabb::EMPTY);
         Ok(Self { bounds: if bounds.is_empty() { Aabb::EMPTY } else { bounds }, reach, level })
     }
+}
+
+/// What a step finds on a stack.
+fn pop<T>(stack: &mut Vec<T>) -> T {
+    stack.pop().expect("the steps were made from a tree")
 }
 
 /// The value of each leaf and space, the last one first, up to which it matters for where the whole is not positive:

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod hostile;
+mod lanes;
 mod noise;
 mod properties;
 mod surface;

@@ -1,0 +1,116 @@
+//! Owns eight numbers at a time. A lane never sees its neighbours: its bits are those of the number alone.
+
+use wide::{bytemuck, f32x8, i32x8, u32x8};
+
+use super::{Lattice, Point, Real};
+use crate::sdf::noise;
+
+impl Real for f32x8 {
+    type Mask = Self;
+
+    #[inline]
+    fn splat(value: f32) -> Self {
+        Self::splat(value)
+    }
+    #[inline]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+    #[inline]
+    fn abs(self) -> Self {
+        self.abs()
+    }
+    // The processor gives the second of two numbers that cannot be compared.
+    #[inline]
+    fn min(self, other: Self) -> Self {
+        other.fast_min(self)
+    }
+    #[inline]
+    fn max(self, other: Self) -> Self {
+        other.fast_max(self)
+    }
+    #[inline]
+    fn ln(self) -> Self {
+        self.ln()
+    }
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        self.sin_cos()
+    }
+    #[inline]
+    fn acos(self) -> Self {
+        self.acos()
+    }
+    #[inline]
+    fn atan2(self, x: Self) -> Self {
+        self.atan2(x)
+    }
+    #[inline]
+    fn powf(self, exponent: f32) -> Self {
+        self.powf_simd(Self::splat(exponent))
+    }
+    #[inline]
+    fn floor(self) -> Self {
+        self.floor()
+    }
+    #[inline]
+    fn gradient_noise(place: Point<Self>, key: u32) -> Self {
+        noise::gradient_noise(place, key)
+    }
+    #[inline]
+    fn less(self, other: Self) -> Self {
+        self.simd_lt(other)
+    }
+    #[inline]
+    fn select(mask: Self, yes: Self, no: Self) -> Self {
+        mask.select(yes, no)
+    }
+    #[inline]
+    fn any(mask: Self) -> bool {
+        mask.any()
+    }
+}
+
+impl Lattice for f32x8 {
+    type Cell = [u32x8; 3];
+
+    #[inline]
+    fn cell(corner: Point<Self>, key: u32) -> [u32x8; 3] {
+        let [x, y, z] = [corner.x, corner.y, corner.z].map(|at| bytemuck::cast::<i32x8, u32x8>(at.trunc_int()));
+        let [a, b, c] = noise::STRIDES.map(u32x8::splat);
+        [x * a + u32x8::splat(key), y * b, z * c]
+    }
+
+    #[inline]
+    fn corner(cell: [u32x8; 3], step: [u32; 3]) -> Point<Self> {
+        let [x, y, z]: [u32x8; 3] = std::array::from_fn(|axis| {
+            cell[axis] + u32x8::splat(step[axis].wrapping_mul(noise::STRIDES[axis]))
+        });
+        gradient(noise_bits(x ^ y ^ z))
+    }
+}
+
+/// [`noise::mix`] of every lane.
+#[inline]
+fn noise_bits(bits: u32x8) -> u32x8 {
+    let [first, second] = noise::FACTORS.map(u32x8::splat);
+    let bits = (bits ^ (bits >> 16)) * first;
+    let bits = (bits ^ (bits >> 15)) * second;
+    bits ^ (bits >> 15)
+}
+
+/// [`noise::gradient`] of every lane.
+#[inline]
+fn gradient(bits: u32x8) -> Point<f32x8> {
+    let sign = u32x8::splat(1 << 31);
+    let one = u32x8::splat(1.0_f32.to_bits());
+    let first = (bits & sign) | one;
+    let second = ((bits << 1) & sign) | one;
+    // Two bytes of the hash times three: which axis has no part in it.
+    let axis: u32x8 = ((bits & u32x8::splat(0xffff)) * u32x8::splat(3)) >> 16;
+    let [no_x, no_y, no_z]: [u32x8; 3] =
+        std::array::from_fn(|number| axis.simd_eq(u32x8::splat(number as u32)));
+    let (x, z) = (!no_x & first, !no_z & second);
+    let y = !no_y & no_x.select(first, second);
+    Point::new(bytemuck::cast(x), bytemuck::cast(y), bytemuck::cast(z))
+}

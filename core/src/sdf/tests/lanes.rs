@@ -1,0 +1,235 @@
+//! One definition of every node serves all kinds of numbers: they agree, and lanes do not know of each other.
+
+use glam::{DVec3, Mat3, Quat, Vec3, Vec4};
+use proptest::prelude::{Just, prop, prop_oneof, proptest};
+use wide::f32x8;
+
+use super::{Random, melted, object, ray};
+use crate::sdf::real::{Dual, Real};
+use crate::sdf::{MarchStats, NoiseParameters, Point, Sdf, SdfRay};
+
+const NOISE: NoiseParameters =
+    NoiseParameters { amplitude: 0.15, frequency: 2.0, octaves: 5, gain: 0.5, lacunarity: 2.1, seed: 3 };
+
+/// An object of every kind of node that is computed in a way of its own.
+fn objects() -> Vec<(&'static str, Sdf)> {
+    let turn = Mat3::from_quat(Quat::from_rotation_x(0.6));
+    vec![
+        ("melted", object(melted)),
+        ("rounded box", object(|t| t.rounded_box(Vec3::new(2.0, 1.0, 0.5), 0.1))),
+        ("cylinder", object(|t| t.cylinder(0.7, 1.5))),
+        ("capsule", object(|t| t.capsule(0.3, 1.5))),
+        ("cone", object(|t| t.cone(0.3, 0.8, 1.0))),
+        ("ellipsoid", object(|t| t.ellipsoid(Vec3::new(1.0, 0.5, 0.2)))),
+        ("bulb 8", object(|t| t.mandelbulb(8.0, 10, 4.0))),
+        ("bulb 7.3", object(|t| t.mandelbulb(7.3, 6, 4.0))),
+        ("julia", object(|t| t.julia(Vec4::new(-0.2, 0.6, 0.2, 0.2), 10))),
+        (
+            "stone",
+            object(|t| {
+                let ball = t.sphere(1.0);
+                t.fbm_noise(ball, NOISE)
+            }),
+        ),
+        (
+            "lattice",
+            object(|t| {
+                let ball = t.sphere(0.2);
+                t.repetition(ball, Vec3::new(0.6, 0.8, 1.0), Some(1))
+            }),
+        ),
+        (
+            "screw",
+            object(|t| {
+                let bar = t.cuboid(Vec3::new(0.8, 2.0, 0.4));
+                let bar = t.twist(bar, 60.0);
+                t.transform(bar, Vec3::X, turn, 0.7)
+            }),
+        ),
+        (
+            "bow",
+            object(|t| {
+                let (bar, hole) = (t.rounded_box(Vec3::new(2.0, 0.4, 0.4), 0.05), t.sphere(0.3));
+                let bow = t.bend(bar, 40.0);
+                t.smooth_difference(&[bow, hole], 0.1)
+            }),
+        ),
+    ]
+}
+
+/// Eight random points around an object.
+fn points(random: &mut Random, sdf: &Sdf) -> [Vec3; 8] {
+    let (bounds, reach) = (sdf.bounds(), 0.7 * sdf.bounds().size().length());
+    std::array::from_fn(|_| bounds.center() + random.direction() * reach * random.next())
+}
+
+fn pack(points: [Vec3; 8]) -> Point<f32x8> {
+    let [x, y, z] = std::array::from_fn(|axis| f32x8::new(points.map(|p| p[axis])));
+    Point::new(x, y, z)
+}
+
+#[test]
+fn a_lane_has_the_bits_of_its_number_alone() {
+    let mut random = Random(31);
+    for (name, sdf) in objects() {
+        for _ in 0..2000 {
+            let points = points(&mut random, &sdf);
+            let lanes = sdf.tape().distance(pack(points)).to_array();
+            for (lane, p) in points.into_iter().enumerate() {
+                let alone: f32 = sdf.tape().distance(Point::splat(p));
+                assert_eq!(lanes[lane].to_bits(), alone.to_bits(), "{name} at {p}: {} {alone}", lanes[lane]);
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn elementary_functions_know_one_lane_only(
+        x in prop::array::uniform8(prop_oneof![-30.0_f32..30.0, prop::num::f32::ANY]),
+        y in prop::array::uniform8(prop_oneof![-30.0_f32..30.0, Just(0.0_f32)]),
+        exponent in prop_oneof![-9.0_f32..9.0, Just(7.0_f32)],
+    ) {
+        let (xs, ys) = (f32x8::new(x), f32x8::new(y));
+        let (sines, cosines) = Real::sin_cos(xs);
+        let lanes = [
+            Real::ln(xs), Real::sqrt(xs), sines, cosines, Real::acos(ys), Real::atan2(ys, xs), Real::powf(ys.abs(), exponent),
+            Real::floor(xs), Real::min(xs, ys), Real::max(xs, ys), <f32x8 as Real>::select(Real::less(xs, ys), xs, ys),
+            f32x8::gradient_noise(Point::new(xs, ys, xs), 77),
+        ];
+        for i in 0..8 {
+            let (x, y) = (x[i], y[i]);
+            let (sine, cosine) = Real::sin_cos(x);
+            let alone = [
+                Real::ln(x), Real::sqrt(x), sine, cosine, Real::acos(y), Real::atan2(y, x), Real::powf(y.abs(), exponent),
+                Real::floor(x), Real::min(x, y), Real::max(x, y), <f32 as Real>::select(Real::less(x, y), x, y),
+                f32::gradient_noise(Point::new(x, y, x), 77),
+            ];
+            for (function, (lanes, alone)) in lanes.iter().zip(alone).enumerate() {
+                let lane = lanes.to_array()[i];
+                assert!(
+                    lane.to_bits() == alone.to_bits() || lane.is_nan() && alone.is_nan(),
+                    "function {function} of {x} and {y}: {lane} among others, {alone} alone"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn elementary_functions_are_close_to_those_of_f64() {
+    let mut random = Random(32);
+    // In units of 2⁻²⁴ of the result, or of 1 where that is more.
+    let mut worst = [0.0_f64; 6];
+    for _ in 0..200_000 {
+        let (x, y) = (random.within(-20.0, 20.0), random.within(-20.0, 20.0));
+        let (c, n) = (random.within(-1.0, 1.0), random.within(1.0, 12.0));
+        let (base, wide) = (random.within(0.01, 4.0), [x, y, c, n].map(f64::from));
+        let pairs = [
+            (Real::ln(x.abs()), libm::log(wide[0].abs())),
+            (Real::sin_cos(x).0, libm::sin(wide[0])),
+            (Real::sin_cos(x).1, libm::cos(wide[0])),
+            (Real::acos(c), libm::acos(wide[2])),
+            (Real::atan2(y, x), libm::atan2(wide[1], wide[0])),
+            (Real::powf(base, n), libm::pow(f64::from(base), wide[3])),
+        ];
+        for (worst, (found, exact)) in worst.iter_mut().zip(pairs) {
+            *worst = worst.max((f64::from(found) - exact).abs() / exact.abs().max(1.0) * 16_777_216.0);
+        }
+    }
+    println!("ln, sin, cos, acos, atan2, pow: {worst:.2?} units of 2⁻²⁴");
+    assert!(worst.iter().all(|&units| units < 8.0), "{worst:?}");
+}
+
+#[test]
+fn derivatives_are_those_of_differences() {
+    let mut random = Random(33);
+    for (name, sdf) in objects().iter().filter(|(_, sdf)| sdf.tape().level().is_none()) {
+        let (mut kinks, count, h) = (0, 4000, 1e-6);
+        for _ in 0..count / 8 {
+            for p in points(&mut random, sdf) {
+                let p = p.as_dvec3();
+                let dual = sdf.tape().distance(Dual::place(p));
+                let value = |q: DVec3| sdf.tape().distance(Point::new(q.x, q.y, q.z));
+                assert!((dual.value - value(p)).abs() <= 1e-12 * (1.0 + dual.value.abs()), "{name} at {p}");
+                let slope = |axis: DVec3| (value(p + axis * h) - value(p - axis * h)) / (2.0 * h);
+                let difference = DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z));
+                kinks += u32::from((dual.gradient - difference).length() > 1e-4);
+            }
+        }
+        println!("{name}: {kinks} kinks of {count}");
+        assert!(kinks * 200 < count, "{name}: {kinks} of {count}");
+    }
+}
+
+#[test]
+fn rays_in_company_hit_what_they_hit_alone() {
+    for (name, sdf) in objects() {
+        let mut random = Random(34);
+        let (middle, radius) = (sdf.bounds().center(), 0.5 * sdf.bounds().size().length());
+        let rays: Vec<_> = (0..1003)
+            .map(|i| {
+                let origin = middle + random.direction() * radius * random.within(0.2, 3.0);
+                let target = middle + random.direction() * radius * random.next();
+                SdfRay { footprint: [0.0, 1e-3][i & 1], ..ray(origin, target - origin) }
+            })
+            .collect();
+        let (mut alone, mut together) = (MarchStats::default(), MarchStats::default());
+        let mut hits = vec![None; rays.len()];
+        sdf.intersect_all(rays.iter().copied().enumerate(), &mut together, |i, t| hits[i] = Some(t));
+        for (ray, hit) in rays.iter().zip(&hits) {
+            assert_eq!(sdf.intersect(ray, &mut alone).map(f32::to_bits), hit.map(f32::to_bits), "{name}: {ray:?}");
+        }
+        assert_eq!(alone, together, "{name}");
+        assert!(hits.iter().flatten().count() > 200, "{name}: a test that hits nothing shows nothing");
+    }
+}
+
+/// Prints what eight lanes gain. Run it alone: `cargo test --release -p karst-core --lib what_lanes_gain -- --ignored
+/// --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+fn what_lanes_gain() {
+    let many = object(|t| {
+        let mut random = Random(35);
+        let parts: Vec<_> = (0..50)
+            .map(|i| {
+                let part = if i % 2 == 0 { t.sphere(0.3) } else { t.cuboid(Vec3::splat(0.4)) };
+                super::moved(t, part, random.direction() * random.within(0.5, 2.0))
+            })
+            .collect();
+        t.smooth_union(&parts, 0.1)
+    });
+    for (name, sdf) in objects().iter().map(|(name, sdf)| (*name, sdf)).chain([("50 parts", &many)]) {
+        let mut random = Random(34);
+        let (middle, radius) = (sdf.bounds().center(), 0.5 * sdf.bounds().size().length());
+        let eye = middle + random.direction() * radius * 3.0;
+        let (side, up) = (eye - middle).normalize().any_orthonormal_pair();
+        // A picture of the object, row by row.
+        let rays: Vec<_> = (0..256 * 64_u32)
+            .map(|i| {
+                let [x, y] = [(i % 256) as f32 / 128.0 - 1.0, (i / 256) as f32 / 32.0 - 1.0];
+                SdfRay { footprint: 1e-3, ..ray(eye, middle + (side * x + up * y) * 0.7 * radius - eye) }
+            })
+            .collect();
+        let mut best = [f64::INFINITY; 2];
+        let mut evaluations = 0;
+        for _ in 0..5 {
+            let (mut hits, mut stats) = (0, MarchStats::default());
+            let start = std::time::Instant::now();
+            hits += rays.iter().filter(|ray| sdf.intersect(ray, &mut stats).is_some()).count();
+            best[0] = best[0].min(start.elapsed().as_secs_f64());
+            evaluations = stats.evaluations;
+            let start = std::time::Instant::now();
+            let mut found = 0;
+            sdf.intersect_all(rays.iter().copied().enumerate(), &mut stats, |_, _| found += 1);
+            best[1] = best[1].min(start.elapsed().as_secs_f64());
+            assert_eq!(hits, found);
+        }
+        let rate = best.map(|seconds| evaluations as f64 / seconds * 1e-6);
+        println!(
+            "{name:>12}: {:.1} evaluations per ray; {:.2} and {:.2} million evaluations per second: {:.2} times",
+            evaluations as f64 / rays.len() as f64, rate[0], rate[1], rate[1] / rate[0]
+        );
+    }
+}
