@@ -3,7 +3,7 @@
 use crate::light::Receiver;
 use crate::math::Ray;
 use crate::sampler::{Replicate, Sampler, Stream};
-use crate::scene::{Hit, Surface};
+use crate::scene::{Hit, Surface, Waiting};
 use crate::sdf::MarchStats;
 use glam::Vec3;
 
@@ -58,6 +58,9 @@ pub struct Paths {
     /// Paths that are still alive, in increasing order.
     pub(super) active: Vec<u32>,
     pub(super) shadows: Vec<ShadowRay>,
+    /// Whether something is in the way of each shadow ray.
+    pub(super) blocked: Vec<bool>,
+    pub(super) waiting: Waiting,
     pub(super) march: MarchStats,
 }
 

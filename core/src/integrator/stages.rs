@@ -31,11 +31,13 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     counters.rays += paths.active.len() as u64;
     // Only camera rays have a footprint; scattered rays take the marcher's own resolution.
     let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
-    for at in 0..paths.active.len() {
-        let path = paths.active[at] as usize;
-        let hit = scene.intersect(&paths.rays[path], spread, &mut paths.march);
-        paths.hits[path] =
-            if scene.has_holes() { cross(scene, bounce, paths, path, hit, spread) } else { hit };
+    let Paths { rays, active, hits, waiting, march, .. } = paths;
+    scene.intersect_all(rays, active, spread, hits, waiting, march);
+    if scene.has_holes() {
+        for at in 0..paths.active.len() {
+            let path = paths.active[at] as usize;
+            paths.hits[path] = cross(scene, bounce, paths, path, paths.hits[path], spread);
+        }
     }
 }
 
@@ -243,10 +245,10 @@ fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, b
 /// Traces the queued shadow rays and adds what arrives.
 pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
     counters.shadow_rays += paths.shadows.len() as u64;
-    for shadow in &paths.shadows {
-        let through = scene.transmittance(&shadow.ray, &mut paths.march);
-        if through > 0.0 {
-            paths.radiance[shadow.path as usize] += shadow.contribution * through;
-        }
+    let Paths { shadows, blocked, waiting, march, radiance, .. } = paths;
+    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, waiting, march);
+    for (shadow, _) in shadows.iter().zip(blocked).filter(|(_, blocked)| !**blocked) {
+        let through = scene.transmittance(&shadow.ray, march);
+        radiance[shadow.path as usize] += shadow.contribution * through;
     }
 }

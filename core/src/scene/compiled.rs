@@ -155,16 +155,16 @@ impl Scene {
     ///
     /// `spread` is the half width of the ray's pixel per unit of distance, 0 where unknown.
     pub fn intersect(&self, ray: &Ray, spread: f32, stats: &mut MarchStats) -> Option<Hit> {
-        self.nearest(ray, spread, stats, |_| true)
+        self.nearest(ray, spread, stats, |_, _| true)
     }
 
     /// The nearest hit among the objects that `counts` takes.
-    fn nearest(
+    pub(super) fn nearest(
         &self,
         ray: &Ray,
         spread: f32,
         stats: &mut MarchStats,
-        counts: impl Fn(&Object) -> bool,
+        mut counts: impl FnMut(u32, &Object) -> bool,
     ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
@@ -172,26 +172,17 @@ impl Scene {
             for &object in &self.tree.slots()[first as usize..(first + count) as usize] {
                 let within = Ray { t_max: *t_max, ..*ray };
                 let it = &self.objects[object as usize];
-                let hit = if counts(it) { it.intersect(&within, spread, stats) } else { None };
+                let hit = if counts(object, it) { it.intersect(&within, spread, stats) } else { None };
                 let Some((t, primitive, barycentric)) = hit else { continue };
-                if best.is_none_or(|b| t < b.t || (t == b.t && object < b.object)) {
-                    best = Some(Hit { t, object, primitive, barycentric });
+                let hit = Hit { t, object, primitive, barycentric };
+                if best.is_none_or(|best| hit.is_before(&best)) {
+                    best = Some(hit);
                     *t_max = t;
                 }
             }
             false
         });
         best
-    }
-
-    /// Whether anything that is there in whole lies within the ray.
-    fn occluded(&self, ray: &Ray, stats: &mut MarchStats) -> bool {
-        let mut t_max = ray.t_max;
-        self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, _| {
-            let slots = &self.tree.slots()[first as usize..(first + count) as usize];
-            let mut objects = slots.iter().map(|&object| &self.objects[object as usize]);
-            objects.any(|object| !object.holes && object.occluded(ray, stats))
-        })
     }
 
     /// The surface at a hit of the ray.
@@ -232,18 +223,15 @@ impl Scene {
     /// Most surfaces that a ray crosses because they are there in part only.
     pub const MAX_CROSSINGS: u32 = 1024;
 
-    /// Share of light that gets through the ray, 0..1.
+    /// Share of light that gets through what is there in part within the ray, 0..1.
     pub fn transmittance(&self, ray: &Ray, stats: &mut MarchStats) -> f32 {
-        if self.occluded(ray, stats) {
-            return 0.0;
-        }
         if !self.has_holes {
             return 1.0;
         }
         let end = ray.at(1.0);
         let (mut rest, mut through) = (*ray, 1.0);
         for _ in 0..Self::MAX_CROSSINGS {
-            let Some(hit) = self.nearest(&rest, 0.0, stats, |object| object.holes) else { return through };
+            let Some(hit) = self.nearest(&rest, 0.0, stats, |_, object| object.holes) else { return through };
             let surface = self.surface(&rest, &hit, 0.0);
             through *= 1.0 - self.opacity(&surface);
             if through <= 0.0 {

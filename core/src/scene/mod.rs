@@ -2,6 +2,7 @@
 
 mod albedo;
 mod assets;
+mod batch;
 mod build;
 mod compiled;
 mod document;
@@ -12,6 +13,7 @@ mod tape;
 
 pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};
+pub use batch::Waiting;
 pub use compiled::{Scene, Strategy};
 pub use document::{
     AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Film, Filter,

@@ -54,6 +54,13 @@ pub struct Hit {
     pub barycentric: [f32; 2],
 }
 
+impl Hit {
+    /// Whether it comes before another hit of the same ray: of equal distances the smaller object does.
+    pub(super) fn is_before(&self, other: &Self) -> bool {
+        self.t < other.t || (self.t == other.t && self.object < other.object)
+    }
+}
+
 /// The surface at a hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
@@ -104,17 +111,30 @@ impl Object {
                 intersect_sphere(ray, *center, *radius).map(|t| (t, 0, [0.0; 2]))
             }
             Shape::Sdf { sdf, transform } => {
-                let local = to_local(ray, transform);
-                let ray = SdfRay {
-                    origin: local.o,
-                    dir: local.d,
-                    t_min: 0.0,
-                    t_max: local.t_max,
-                    footprint: spread,
-                };
-                sdf.intersect(&ray, stats).map(|t| (t, 0, [0.0; 2]))
+                sdf.intersect(&to_march(ray, transform, spread), stats).map(|t| (t, 0, [0.0; 2]))
             }
         }
+    }
+
+    /// The distance function that it is made of, if it is.
+    pub(super) fn distance_function(&self) -> Option<(&Sdf, &Transform)> {
+        match &self.shape {
+            Shape::Sdf { sdf, transform } => Some((sdf, transform)),
+            Shape::Mesh { .. } | Shape::Sphere { .. } => None,
+        }
+    }
+
+    /// The hits of many rays with a distance function: `found` gets the name of a ray and its `t`.
+    pub(super) fn march_all<N: Copy>(
+        &self,
+        rays: &[(N, Ray)],
+        spread: f32,
+        stats: &mut MarchStats,
+        found: impl FnMut(N, f32),
+    ) {
+        let Some((sdf, transform)) = self.distance_function() else { return };
+        let local = rays.iter().map(|(name, ray)| (*name, to_march(ray, transform, spread)));
+        sdf.intersect_all(local, stats, found);
     }
 
     /// Whether anything of it lies within the ray.
@@ -165,6 +185,11 @@ impl Object {
 
 fn to_local(ray: &Ray, transform: &Transform) -> Ray {
     Ray { o: transform.local_point(ray.o), d: transform.local_vector(ray.d), t_max: ray.t_max }
+}
+
+fn to_march(ray: &Ray, transform: &Transform, spread: f32) -> SdfRay {
+    let local = to_local(ray, transform);
+    SdfRay { origin: local.o, dir: local.d, t_min: 0.0, t_max: local.t_max, footprint: spread }
 }
 
 /// The smallest root in (0, `t_max`], in double precision: the discriminant comes from the distance of the centre to

@@ -1,0 +1,146 @@
+//! Owns asking many rays at a time, so that distance functions are marched eight rays at a time.
+
+use super::compiled::Scene;
+use super::object::Hit;
+use crate::bvh::RayBoxes;
+use crate::math::Ray;
+use crate::sdf::MarchStats;
+
+/// Rays and the objects made of distance functions whose boxes they enter; kept from batch to batch for its memory.
+#[derive(Debug, Default)]
+pub struct Waiting {
+    /// Objects, those of a ray together, nearer boxes first.
+    objects: Vec<u32>,
+    /// Rays that have objects left, and which.
+    rays: Vec<Visits>,
+    /// Pairs of an object and a ray for one march, sorted.
+    turn: Vec<(u32, u32)>,
+}
+
+/// Objects that a ray has still to be held against: a range of [`Waiting::objects`].
+#[derive(Debug, Clone, Copy)]
+struct Visits {
+    ray: u32,
+    next: u32,
+    end: u32,
+}
+
+impl Waiting {
+    fn clear(&mut self) {
+        self.objects.clear();
+        self.rays.clear();
+    }
+
+    /// Ends the list of objects of a ray, which began at `first`.
+    fn close(&mut self, ray: u32, first: usize) {
+        if first < self.objects.len() {
+            self.rays.push(Visits { ray, next: first as u32, end: self.objects.len() as u32 });
+        }
+    }
+
+    /// The next object of every ray that `wants` one, by object; false when there is none.
+    fn next_turn(&mut self, wants: impl Fn(u32) -> bool) -> bool {
+        self.turn.clear();
+        for visits in &mut self.rays {
+            if wants(visits.ray) {
+                self.turn.push((self.objects[visits.next as usize], visits.ray));
+                visits.next += 1;
+            } else {
+                visits.next = visits.end;
+            }
+        }
+        self.rays.retain(|visits| visits.next < visits.end);
+        self.turn.sort_unstable();
+        !self.turn.is_empty()
+    }
+
+    /// The turn, cut where the object changes.
+    fn groups(&self) -> impl Iterator<Item = (u32, &[(u32, u32)])> {
+        self.turn.chunk_by(|a, b| a.0 == b.0).map(|group| (group[0].0, group))
+    }
+}
+
+impl Scene {
+    /// [`Scene::intersect`] of the `active` ones of many rays, into the `hits` with the same numbers.
+    pub fn intersect_all(
+        &self,
+        rays: &[Ray],
+        active: &[u32],
+        spread: f32,
+        hits: &mut [Option<Hit>],
+        waiting: &mut Waiting,
+        stats: &mut MarchStats,
+    ) {
+        waiting.clear();
+        for &ray in active {
+            let first = waiting.objects.len();
+            hits[ray as usize] = self.nearest(&rays[ray as usize], spread, stats, |number, object| {
+                let marched = object.distance_function().is_some();
+                if marched {
+                    waiting.objects.push(number);
+                }
+                !marched
+            });
+            waiting.close(ray, first);
+        }
+        while waiting.next_turn(|_| true) {
+            for (number, group) in waiting.groups() {
+                let object = &self.objects[number as usize];
+                let within = |&(_, ray): &(u32, u32)| {
+                    let t_max = hits[ray as usize].map_or(rays[ray as usize].t_max, |hit| hit.t);
+                    (ray, Ray { t_max, ..rays[ray as usize] })
+                };
+                let wave: Vec<_> = group.iter().map(within).collect();
+                object.march_all(&wave, spread, stats, |ray, t| {
+                    let hit = Hit { t, object: number, primitive: 0, barycentric: [0.0; 2] };
+                    let best = &mut hits[ray as usize];
+                    if best.is_none_or(|best| hit.is_before(&best)) {
+                        *best = Some(hit);
+                    }
+                });
+            }
+        }
+    }
+
+    /// Whether anything that is there in whole lies within each of many rays, into `blocked`.
+    pub(crate) fn occluded_all(
+        &self,
+        rays: impl Iterator<Item = Ray>,
+        blocked: &mut Vec<bool>,
+        waiting: &mut Waiting,
+        stats: &mut MarchStats,
+    ) {
+        blocked.clear();
+        waiting.clear();
+        let list: Vec<Ray> = rays.collect();
+        for (number, ray) in list.iter().enumerate() {
+            let first = waiting.objects.len();
+            let mut t_max = ray.t_max;
+            let stopped = self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |start, count, _| {
+                self.tree.slots()[start as usize..(start + count) as usize].iter().any(|&slot| {
+                    let object = &self.objects[slot as usize];
+                    if object.holes {
+                        return false;
+                    }
+                    if object.distance_function().is_some() {
+                        waiting.objects.push(slot);
+                        return false;
+                    }
+                    object.occluded(ray, stats)
+                })
+            });
+            if stopped {
+                waiting.objects.truncate(first);
+            }
+            blocked.push(stopped);
+            waiting.close(number as u32, first);
+        }
+        while waiting.next_turn(|ray| !blocked[ray as usize]) {
+            for (number, group) in waiting.groups() {
+                let wave: Vec<_> = group.iter().map(|&(_, ray)| (ray, list[ray as usize])).collect();
+                let object = &self.objects[number as usize];
+                object.march_all(&wave, 0.0, stats, |ray, _| blocked[ray as usize] = true);
+            }
+        }
+    }
+}
