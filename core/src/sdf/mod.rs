@@ -5,12 +5,14 @@
 //! brings rays there, so that far-away objects cost no precision.
 
 mod builder;
+mod cells;
 mod error;
 mod march;
 mod node;
 mod noise;
 mod object;
 mod packet;
+mod prune;
 mod real;
 mod root;
 mod tape;

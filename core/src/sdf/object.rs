@@ -7,6 +7,7 @@ use wide::f32x8;
 
 use crate::math::Aabb;
 
+use super::cells::{Cells, EVERYWHERE};
 use super::error::{SdfError, require};
 use super::march::{March, MarchStats, ROUNDOFF, Segment};
 use super::packet;
@@ -50,6 +51,8 @@ const CHECK_POINTS: u16 = 33;
 #[derive(Debug, Clone)]
 pub struct Sdf {
     tape: Tape,
+    /// Which steps matter where, in trees that are large enough.
+    cells: Option<Cells>,
     bounds: Aabb,
     resolved: Resolved,
 }
@@ -85,7 +88,8 @@ impl Sdf {
         // Surfaces may touch the bounds; rays should enter clearly outside of them.
         let margin = Vec3::splat(diagonal / 256.0);
         let bounds = Aabb { min: bounds.min - margin, max: bounds.max + margin };
-        Ok(Self { tape, bounds, resolved })
+        let cells = Cells::new(&tape, bounds);
+        Ok(Self { tape, cells, bounds, resolved })
     }
 
     /// The box that rays are clipped to, in object space: a little larger than the object.
@@ -113,7 +117,7 @@ impl Sdf {
         let mut march = self.march(ray)?;
         let at = loop {
             let p = march.point();
-            let value = self.tape.distance::<f32>(Point::splat(p));
+            let value = self.distance(p);
             if let ControlFlow::Break(hit) = march.tell(self, value, self.noise(p), stats) {
                 break hit?;
             }
@@ -152,11 +156,60 @@ impl Sdf {
         Some(March::new(segment, epsilon))
     }
 
-    /// Values at eight points; those of lanes that are not `wanted` mean nothing.
+    /// Values at eight points; those of lanes that are not `wanted` (as bits) mean nothing.
     #[inline]
-    pub(super) fn distances(&self, p: Point<f32x8>, wanted: [bool; 8]) -> f32x8 {
-        let _ = wanted;
-        self.tape.distance(p)
+    pub(super) fn distances(&self, p: Point<f32x8>, wanted: u32) -> f32x8 {
+        let Some(cells) = &self.cells else { return self.tape.distance(p) };
+        let found = cells.find(p);
+        // Lanes of a cell share its list; in many cells the lists together may be longer than the whole.
+        let groups = packet::groups(found, wanted);
+        let steps: usize = groups.clone().map(|(cell, _)| cells.cost(cell)).sum();
+        if steps >= self.tape.ops().len() {
+            return self.tape.distance(p);
+        }
+        let mut values = [0.0; 8];
+        for (cell, lanes) in groups {
+            let list = cells.list(cell);
+            if lanes.is_power_of_two() {
+                let lane = lanes.trailing_zeros() as usize;
+                let [x, y, z] = [p.x, p.y, p.z].map(|at| at.to_array()[lane]);
+                values[lane] = self.tape.of_list(list, Point::<f32>::new(x, y, z));
+                continue;
+            }
+            for (lane, value) in self.tape.of_list(list, p).to_array().into_iter().enumerate() {
+                if lanes >> lane & 1 == 1 {
+                    values[lane] = value;
+                }
+            }
+        }
+        f32x8::new(values)
+    }
+
+    /// The value at a point.
+    fn distance(&self, p: Vec3) -> f32 {
+        self.near(p, Point::splat(p))
+    }
+
+    /// The value at a place that rounds to `p`, in any kind of number.
+    fn near<R: Real>(&self, p: Vec3, place: Point<R>) -> R {
+        let Some(cells) = &self.cells else { return self.tape.distance(place) };
+        match cells.find(Point::splat(p)).to_array()[0] {
+            EVERYWHERE => self.tape.distance(place),
+            cell => self.tape.of_list(cells.list(cell), place),
+        }
+    }
+
+    /// The same without cells, for comparison.
+    #[cfg(test)]
+    pub(super) fn without_cells(mut self) -> Self {
+        self.cells = None;
+        self
+    }
+
+    /// Cells that the tree was cut to pieces for, and the mean number of steps that matter in one; `None` for trees that
+    /// are evaluated whole.
+    pub fn cells(&self) -> Option<(usize, f64)> {
+        self.cells.as_ref().map(Cells::extent)
     }
 
     /// Outward unit normal at a point of the surface.
@@ -173,7 +226,7 @@ impl Sdf {
         };
         let gradient = match over {
             Some(h) => self.difference(p, h),
-            None => self.tape.distance(Dual::place(p.as_dvec3())).gradient,
+            None => self.near(p, Dual::place(p.as_dvec3())).gradient,
         };
         // Where the gradient vanishes (between equal children, say) away from the middle is as good as any.
         let middle = self.bounds.center();
@@ -190,12 +243,12 @@ impl Sdf {
         let values = if h >= self.magnitude(p) / 4096.0 {
             // Wide enough that rounding turns the normal by less than a thousandth.
             let lane = |axis: usize| f32x8::new(std::array::from_fn(|i| p[axis] + h * corners[i & 3][axis]));
-            let values = self.distances(Point::new(lane(0), lane(1), lane(2)), [true; 8]).to_array();
+            let values = self.distances(Point::new(lane(0), lane(1), lane(2)), 0xff).to_array();
             std::array::from_fn(|i| f64::from(values[i]))
         } else {
             corners.map(|corner| {
                 let q = p.as_dvec3() + Vec3::from_array(corner).as_dvec3() * f64::from(h);
-                self.tape.distance::<f64>(Point::new(q.x, q.y, q.z))
+                self.near(q.as_vec3(), Point::<f64>::new(q.x, q.y, q.z))
             })
         };
         corners.iter().zip(values).map(|(&corner, value)| Vec3::from_array(corner).as_dvec3() * value).sum()
@@ -204,7 +257,7 @@ impl Sdf {
     /// How far along the normal a ray must start to leave the surface at `p`, in object units:
     /// `|f(p)| + 16 · 2⁻²⁴ · max|p|`, and on fractals half their level.
     pub fn offset(&self, p: Vec3) -> f32 {
-        let value = self.tape.distance::<f32>(Point::splat(p)).abs();
+        let value = self.distance(p).abs();
         let coarse = self.tape.level().map_or(0.0, |level| 0.5 * level);
         value + coarse.max(16.0 * self.noise(p))
     }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use wide::f32x8;
+use wide::{f32x8, u32x8};
 
 use super::march::{March, MarchStats};
 use super::object::Sdf;
@@ -30,7 +30,7 @@ pub(super) fn first_hits<N: Copy>(
     }
     while lanes.iter().any(Option::is_some) {
         let point = rays.points();
-        let values = sdf.distances(point, lanes.each_ref().map(Option::is_some)).to_array();
+        let values = sdf.distances(point, bits(lanes.each_ref().map(Option::is_some))).to_array();
         let noises = sdf.noises(point).to_array();
         for (lane, slot) in lanes.iter_mut().enumerate() {
             let Some((name, march)) = slot else { continue };
@@ -75,4 +75,24 @@ impl Rays {
             std::array::from_fn(|axis| f32x8::new(self.origin[axis]) + f32x8::new(self.dir[axis]) * at);
         Point::new(x, y, z)
     }
+}
+
+/// Lanes as bits.
+pub(super) fn bits(lanes: [bool; LANES]) -> u32 {
+    lanes.iter().rev().fold(0, |bits, &lane| bits << 1 | u32::from(lane))
+}
+
+/// The lanes that are wanted, as bits, by what they have in common.
+pub(super) fn groups(of: u32x8, wanted: u32) -> impl Iterator<Item = (u32, u32)> + Clone {
+    let mut left = wanted;
+    std::iter::from_fn(move || {
+        if left == 0 {
+            return None;
+        }
+        let common = of.to_array()[left.trailing_zeros() as usize];
+        let equal: u32x8 = of.simd_eq(u32x8::splat(common));
+        let same = equal.to_bitmask() & left;
+        left &= !same;
+        Some((common, same))
+    })
 }

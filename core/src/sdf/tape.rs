@@ -97,51 +97,69 @@ impl Tape {
         self.reach
     }
 
+    /// The steps.
+    pub(super) fn ops(&self) -> &[Op] {
+        &self.ops
+    }
+
     /// The value at a point in object space: a lower bound of the distance to the surface, negative inside.
     #[inline]
     pub fn distance<R: Real>(&self, p: Point<R>) -> R {
-        // Small trees take small scratch: clearing it is part of every evaluation.
-        match self.depth {
-            0..=4 => self.run::<R, 4>(p),
-            5..=16 => self.run::<R, 16>(p),
-            _ => self.run::<R, MAX_DEPTH>(p),
-        }
+        self.of_steps(self.ops.iter(), p)
     }
 
-    fn run<R: Real, const DEPTH: usize>(&self, p: Point<R>) -> R {
-        let mut point = p;
-        let mut outer = [p; DEPTH];
-        let mut entered = 0;
-        let mut below = [R::splat(0.0); DEPTH];
-        let mut held = 0;
-        // The newest value stays in a register; `below` holds the ones under it. The first push stores a filler.
-        let mut top = R::splat(0.0);
-        for op in &self.ops {
-            match op {
-                Op::Leaf(leaf) => {
-                    below[held] = top;
-                    held += 1;
-                    top = leaf.distance(point);
-                }
-                Op::Operator(operator) => {
-                    held -= 1;
-                    top = operator.distance(below[held], top);
-                }
-                Op::Displace(displacement) => top = displacement.distance(top, point),
-                Op::Enter(space) => {
-                    outer[entered] = point;
-                    entered += 1;
-                    point = space.enter(point);
-                }
-                Op::Leave(space) => {
-                    entered -= 1;
-                    point = outer[entered];
-                    top = space.leave(top, point);
-                }
+    /// The value that some of the steps make.
+    #[inline]
+    pub(super) fn of_list<R: Real>(&self, steps: &[u32], p: Point<R>) -> R {
+        self.of_steps(steps.iter().map(|&step| &self.ops[step as usize]), p)
+    }
+
+    #[inline]
+    fn of_steps<'a, R: Real>(&self, ops: impl Iterator<Item = &'a Op>, p: Point<R>) -> R {
+        // Small trees take small scratch: clearing it is part of every evaluation.
+        match self.depth {
+            0..=4 => run::<R, 4>(ops, p),
+            5..=16 => run::<R, 16>(ops, p),
+            _ => run::<R, MAX_DEPTH>(ops, p),
+        }
+    }
+}
+
+/// The stack machine.
+#[inline]
+fn run<'a, R: Real, const DEPTH: usize>(ops: impl Iterator<Item = &'a Op>, p: Point<R>) -> R {
+    let mut point = p;
+    let mut outer = [p; DEPTH];
+    let mut entered = 0;
+    let mut below = [R::splat(0.0); DEPTH];
+    let mut held = 0;
+    // The newest value stays in a register; `below` holds the ones under it. The first push stores a filler.
+    let mut top = R::splat(0.0);
+    for op in ops {
+        match op {
+            Op::Leaf(leaf) => {
+                below[held] = top;
+                held += 1;
+                top = leaf.distance(point);
+            }
+            Op::Operator(operator) => {
+                held -= 1;
+                top = operator.distance(below[held], top);
+            }
+            Op::Displace(displacement) => top = displacement.distance(top, point),
+            Op::Enter(space) => {
+                outer[entered] = point;
+                entered += 1;
+                point = space.enter(point);
+            }
+            Op::Leave(space) => {
+                entered -= 1;
+                point = outer[entered];
+                top = space.leave(top, point);
             }
         }
-        top
     }
+    top
 }
 
 /// What a walk over the steps finds out about the whole.

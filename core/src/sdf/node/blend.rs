@@ -41,6 +41,11 @@ impl Blend {
         0.25 * self.k
     }
 
+    /// Values farther apart than this are not blended.
+    pub(in crate::sdf) fn width(self) -> f32 {
+        self.k
+    }
+
     #[inline]
     fn excess<R: Real>(self, difference: R) -> R {
         let h = (R::splat(self.k) - difference.abs()).max(R::splat(0.0));

@@ -35,6 +35,16 @@ impl Operator {
         }
     }
 
+    /// Operands that are at least this far apart do not change each other.
+    pub(in crate::sdf) fn width(self) -> f64 {
+        match self {
+            Self::Union | Self::Intersection | Self::Difference => 0.0,
+            Self::SmoothUnion(blend) | Self::SmoothIntersection(blend) | Self::SmoothDifference(blend) => {
+                f64::from(blend.width())
+            }
+        }
+    }
+
     /// Values of the operands up to which they matter for values of the result up to `margin`: where the result is at
     /// most `margin`, one operand of a union, and both of an intersection, are at most this.
     pub(in crate::sdf) fn margin(self, margin: f32) -> f32 {

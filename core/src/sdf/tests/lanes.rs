@@ -4,7 +4,7 @@ use glam::{DVec3, Mat3, Quat, Vec3, Vec4};
 use proptest::prelude::{Just, prop, prop_oneof, proptest};
 use wide::f32x8;
 
-use super::{Random, melted, object, ray};
+use super::{Random, melted, object, pack, ray};
 use crate::sdf::real::{Dual, Real};
 use crate::sdf::{MarchStats, NoiseParameters, Point, Sdf, SdfRay};
 
@@ -61,11 +61,6 @@ fn objects() -> Vec<(&'static str, Sdf)> {
 fn points(random: &mut Random, sdf: &Sdf) -> [Vec3; 8] {
     let (bounds, reach) = (sdf.bounds(), 0.7 * sdf.bounds().size().length());
     std::array::from_fn(|_| bounds.center() + random.direction() * reach * random.next())
-}
-
-fn pack(points: [Vec3; 8]) -> Point<f32x8> {
-    let [x, y, z] = std::array::from_fn(|axis| f32x8::new(points.map(|p| p[axis])));
-    Point::new(x, y, z)
 }
 
 #[test]
@@ -200,6 +195,7 @@ fn what_lanes_gain() {
             .collect();
         t.smooth_union(&parts, 0.1)
     });
+    let many = many.without_cells();
     for (name, sdf) in objects().iter().map(|(name, sdf)| (*name, sdf)).chain([("50 parts", &many)]) {
         let mut random = Random(34);
         let (middle, radius) = (sdf.bounds().center(), 0.5 * sdf.bounds().size().length());

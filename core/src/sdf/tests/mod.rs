@@ -1,6 +1,7 @@
 //! Owns the tests of distance functions; what several of them need stands here.
 
 mod accuracy;
+mod cells;
 mod hostile;
 mod lanes;
 mod noise;
@@ -8,6 +9,7 @@ mod properties;
 mod surface;
 
 use glam::{Mat3, Quat, Vec3};
+use wide::f32x8;
 
 use super::{MarchStats, NodeId, Point, Sdf, SdfRay, Settings, Tape, TapeBuilder};
 
@@ -67,6 +69,12 @@ impl Random {
             }
         }
     }
+}
+
+/// Eight points as lanes.
+fn pack(points: [Vec3; 8]) -> Point<f32x8> {
+    let [x, y, z] = std::array::from_fn(|axis| f32x8::new(points.map(|p| p[axis])));
+    Point::new(x, y, z)
 }
 
 /// The value in f64.

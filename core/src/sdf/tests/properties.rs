@@ -3,7 +3,8 @@
 use glam::{DVec3, Mat3, Quat, Vec3};
 use proptest::prelude::{Just, Strategy, prop, prop_oneof, proptest};
 
-use crate::sdf::{NodeId, NoiseParameters, Point, Tape, TapeBuilder};
+use super::{Random, pack};
+use crate::sdf::{NodeId, NoiseParameters, Point, Sdf, Settings, Tape, TapeBuilder};
 
 /// A tree as data, for proptest to make and shrink.
 #[derive(Debug, Clone)]
@@ -115,6 +116,10 @@ fn noises() -> impl Strategy<Value = NoiseParameters> {
     )
 }
 
+fn kind() -> impl Strategy<Value = Kind> {
+    prop_oneof![Just(Kind::Union), Just(Kind::Intersection), Just(Kind::Difference)]
+}
+
 fn shapes() -> impl Strategy<Value = Shape> {
     let leaf = prop_oneof![
         (0.01_f32..2.0).prop_map(Shape::Sphere),
@@ -128,7 +133,6 @@ fn shapes() -> impl Strategy<Value = Shape> {
         sizes().prop_map(Shape::Ellipsoid),
         (0.01_f32..2.0).prop_map(Shape::Plane),
     ];
-    let kind = || prop_oneof![Just(Kind::Union), Just(Kind::Intersection), Just(Kind::Difference)];
     leaf.prop_recursive(5, 24, 4, move |inner| {
         prop_oneof![
             (kind(), prop::collection::vec(inner.clone(), 1..4))
@@ -189,6 +193,42 @@ proptest! {
             // The box itself is rounded.
             if gap > 1e-5 {
                 assert!(at(&tape, p) > 0.0, "{} at {p}, {gap} outside", at(&tape, p));
+            }
+        }
+    }
+
+    #[test]
+    fn cells_leave_out_nothing_that_matters(
+        parts in prop::collection::vec(shapes(), 34..38), places in prop::collection::vec(vector(4.0), 38),
+        kinds in prop::collection::vec((kind(), prop_oneof![Just(None), (1e-3_f32..1.0).prop_map(Some)]), 8),
+        seed in 0_u64..99,
+    ) {
+        // Operators of operators, so that what is left out is in all places of the list.
+        let mut parts: Vec<_> = parts
+            .into_iter()
+            .zip(places)
+            .map(|(part, place)| Shape::Transform(Box::new(part), place, Vec3::ZERO, 0.5))
+            .collect();
+        for (kind, k) in kinds {
+            let some = parts.split_off(parts.len().saturating_sub(4));
+            parts.insert(0, Shape::Operator(kind, some, k));
+        }
+        let tape = compile(&Shape::Operator(Kind::Union, parts, None));
+        if tape.bounds().is_empty() {
+            return Ok(());
+        }
+        let sdf = Sdf::new(tape, Settings::default(), None).expect("bounds hold");
+        let mut random = Random(seed);
+        let bounds = sdf.bounds();
+        for _ in 0..200 {
+            let points: [Vec3; 8] = std::array::from_fn(|_| {
+                let share = Vec3::new(random.next(), random.next(), random.next());
+                bounds.min + bounds.size() * share
+            });
+            let found = sdf.distances(pack(points), 0xff).to_array();
+            for (p, found) in points.into_iter().zip(found) {
+                let whole: f32 = sdf.tape().distance(Point::splat(p));
+                assert_eq!(found.to_bits(), whole.to_bits(), "{found} instead of {whole} at {p}");
             }
         }
     }
