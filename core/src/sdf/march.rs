@@ -256,7 +256,7 @@ impl March {
             stats.exhausted += 1;
             let nearest = &self.nearest;
             // A ray that was leaving when its steps ran out has hit nothing, however close it came.
-            let hit = self.slope <= 0.0 && nearest.value <= nearest.least;
+            let hit = self.slope < 0.0 && nearest.value <= nearest.least;
             return Break(hit.then_some(nearest.at));
         }
         self.steps += 1;

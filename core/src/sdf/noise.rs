@@ -27,8 +27,16 @@ pub(super) struct Noise {
 /// Most that an octave is away from 0, rounded up (1.03635, near two fifths of the way from a face to the middle).
 const LARGEST: f32 = 1.0364;
 
+/// The same for proofs.
+#[cfg(test)]
+pub(super) const LARGEST_OCTAVE: f64 = 1.0364;
+
 /// Steepest slope of an octave, in units per cell (reached in the middle of a cell).
 const STEEPEST: f32 = 3.75;
+
+/// The same for proofs.
+#[cfg(test)]
+pub(super) const STEEPEST_OCTAVE: f64 = 3.75;
 
 /// How far octaves are moved against each other, in cells: powers of the three-dimensional golden ratio.
 const SHIFT: [f32; 3] = [0.819_172_5, 0.671_043_6, 0.549_700_5];
@@ -146,16 +154,22 @@ pub(super) fn gradient_noise<R: Lattice>(place: Point<R>, key: u32) -> R {
     let share = |at: R, whole: R| (at - whole).max(zero).min(one);
     let part = Point::new(share(place.x, corner.x), share(place.y, corner.y), share(place.z, corner.z));
     let cell = R::cell(corner, key);
-    let dot = |right: u32, up: u32, near: u32| {
-        let g = R::corner(cell, [right, up, near]);
-        let along = |part: R, step: u32| if step == 0 { part } else { part - one };
-        g.x * along(part.x, right) + g.y * along(part.y, up) + g.z * along(part.z, near)
-    };
-    let (x, y, z) = (fade(part.x), fade(part.y), fade(part.z));
+    let along = [part.x, part.y, part.z].map(|part| [part, part - one]);
+    let [x, y, z] = [fade(part.x), fade(part.y), fade(part.z)];
     let between = |a: R, b: R, share: R| a + share * (b - a);
-    let row = |up: u32, near: u32| between(dot(0, up, near), dot(1, up, near), x);
-    let face = |near: u32| between(row(0, near), row(1, near), y);
-    between(face(0), face(1), z)
+    let bottom = between(dot::<R, 0, 0, 0>(cell, along), dot::<R, 1, 0, 0>(cell, along), x);
+    let top = between(dot::<R, 0, 1, 0>(cell, along), dot::<R, 1, 1, 0>(cell, along), x);
+    let far = between(bottom, top, y);
+    let bottom = between(dot::<R, 0, 0, 1>(cell, along), dot::<R, 1, 0, 1>(cell, along), x);
+    let top = between(dot::<R, 0, 1, 1>(cell, along), dot::<R, 1, 1, 1>(cell, along), x);
+    between(far, between(bottom, top, y), z)
+}
+
+/// The gradient in a corner times the way from there; `along` is the way from the lower and the upper corner by axis.
+#[inline]
+fn dot<R: Lattice, const X: usize, const Y: usize, const Z: usize>(cell: R::Cell, along: [[R; 2]; 3]) -> R {
+    let g = R::corner(cell, [X as u32, Y as u32, Z as u32]);
+    g.x * along[0][X] + g.y * along[1][Y] + g.z * along[2][Z]
 }
 
 /// From 0 to 1 with no slope and no curvature at the ends.

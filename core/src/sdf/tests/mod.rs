@@ -3,8 +3,10 @@
 mod accuracy;
 mod cells;
 mod hostile;
+mod interval;
 mod lanes;
 mod noise;
+mod oracle;
 mod properties;
 mod surface;
 

@@ -1,0 +1,354 @@
+//! Rays against a proof: interval arithmetic along the ray shows where there is no surface, and where there is one.
+
+use glam::{DVec3, Mat3, Quat, Vec3};
+
+use super::interval::Interval;
+use super::{Random, exact, melted, moved, object, ray};
+use crate::sdf::{MarchStats, NoiseParameters, Point, Sdf, SdfRay, Settings, TapeBuilder};
+use crate::math::Aabb;
+
+const NOISE: NoiseParameters =
+    NoiseParameters { amplitude: 0.15, frequency: 2.0, octaves: 5, gain: 0.5, lacunarity: 2.1, seed: 3 };
+
+/// An object of every kind of node, and trees of them.
+fn objects() -> Vec<(&'static str, Sdf)> {
+    let mut all = solids();
+    all.extend(trees());
+    all
+}
+
+fn solids() -> Vec<(&'static str, Sdf)> {
+    vec![
+        ("sphere", object(|t| t.sphere(1.0))),
+        ("box", object(|t| t.cuboid(Vec3::new(2.0, 1.0, 0.5)))),
+        ("slab", object(|t| t.cuboid(Vec3::new(4.0, 0.02, 4.0)))),
+        ("rounded box", object(|t| t.rounded_box(Vec3::new(2.0, 1.0, 0.5), 0.1))),
+        ("torus", object(|t| t.torus(1.0, 0.25))),
+        ("cylinder", object(|t| t.cylinder(0.7, 1.5))),
+        ("capsule", object(|t| t.capsule(0.3, 1.5))),
+        ("cone", object(|t| t.cone(0.8, 0.0, 1.6))),
+        ("cut cone", object(|t| t.cone(0.3, 0.8, 1.0))),
+        ("ellipsoid", object(|t| t.ellipsoid(Vec3::new(1.0, 0.5, 0.2)))),
+        (
+            "plane",
+            Sdf::new(
+                super::tape(TapeBuilder::plane),
+                Settings::default(),
+                Some(Aabb { min: Vec3::new(-2.0, -0.5, -2.0), max: Vec3::new(2.0, 0.5, 2.0) }),
+            )
+            .expect("cut"),
+        ),
+    ]
+}
+
+fn trees() -> Vec<(&'static str, Sdf)> {
+    let pair = |t: &mut TapeBuilder, apart: f32| {
+        let (a, b) = (t.sphere(1.0), t.sphere(0.8));
+        [moved(t, a, Vec3::X * -apart), moved(t, b, Vec3::X * apart)]
+    };
+    vec![
+        ("melted", object(melted)),
+        (
+            "lens",
+            object(|t| {
+                let parts = pair(t, 0.5);
+                t.intersection(&parts)
+            }),
+        ),
+        (
+            "soft lens",
+            object(|t| {
+                let parts = pair(t, 0.5);
+                t.smooth_intersection(&parts, 0.3)
+            }),
+        ),
+        (
+            "bitten ball",
+            object(|t| {
+                let parts = pair(t, 0.5);
+                t.difference(&parts)
+            }),
+        ),
+        (
+            "drilled box",
+            object(|t| {
+                let (cube, hole) = (t.rounded_box(Vec3::splat(1.6), 0.1), t.cylinder(0.4, 3.0));
+                t.smooth_difference(&[cube, hole], 0.2)
+            }),
+        ),
+        (
+            "stone",
+            object(|t| {
+                let ball = t.sphere(1.0);
+                t.fbm_noise(ball, NOISE)
+            }),
+        ),
+        (
+            "lattice",
+            object(|t| {
+                let ball = t.sphere(0.2);
+                t.repetition(ball, Vec3::new(0.6, 0.8, 1.0), Some(1))
+            }),
+        ),
+        (
+            "screw",
+            object(|t| {
+                let bar = t.rounded_box(Vec3::new(0.8, 2.0, 0.4), 0.05);
+                t.twist(bar, 60.0)
+            }),
+        ),
+        (
+            "bow",
+            object(|t| {
+                let bar = t.rounded_box(Vec3::new(2.0, 0.4, 0.4), 0.05);
+                let bow = t.bend(bar, 40.0);
+                t.transform(bow, Vec3::Y, Mat3::from_quat(Quat::from_rotation_x(0.6)), 0.7)
+            }),
+        ),
+        (
+            "heap",
+            object(|t| {
+                let mut random = Random(35);
+                let parts: Vec<_> = (0..60)
+                    .map(|i| {
+                        let part = if i % 2 == 0 { t.sphere(0.2) } else { t.torus(0.2, 0.06) };
+                        moved(t, part, random.direction() * random.within(0.2, 1.2))
+                    })
+                    .collect();
+                t.smooth_union(&parts, 0.05)
+            }),
+        ),
+    ]
+}
+
+/// What is proven of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Proof {
+    /// The first place where the surface is.
+    Hit(f64),
+    Miss,
+    /// The ray touches the surface, or comes so close to it that f64 cannot tell.
+    Open,
+}
+
+/// The first root between 0 and `far`: all before is shown to be outside by intervals that are halved until they say so.
+fn prove(sdf: &Sdf, origin: DVec3, dir: DVec3, far: f64, work: &mut u64) -> Proof {
+    let along = |axis: usize, t: Interval| {
+        Interval::new(origin[axis], origin[axis]) + Interval::new(dir[axis], dir[axis]) * t
+    };
+    let size = f64::from(sdf.bounds().size().length());
+    let least = 1e-9 * size;
+    let mut open = None;
+    // A place that could not be decided just before a hit is part of it; farther away it may be a hit of its own.
+    let hit = |open: Option<f64>, at: f64| if open.is_none_or(|t| at - t < 1e-6 * size) { Proof::Hit(at) } else { Proof::Open };
+    let mut pending = vec![Interval::new(0.0, far)];
+    while let Some(t) = pending.pop() {
+        *work += 1;
+        let value: Interval = sdf.tape().distance(Point::new(along(0, t), along(1, t), along(2, t)));
+        if value.low > 0.0 {
+            continue;
+        }
+        if value.high < 0.0 {
+            return hit(open, t.low);
+        }
+        if t.high - t.low <= least {
+            let after = exact(sdf, origin + dir * (t.high + least));
+            if after < 0.0 {
+                return hit(open, t.low);
+            }
+            open = open.or(Some(t.low));
+            continue;
+        }
+        let middle = 0.5 * (t.low + t.high);
+        pending.push(Interval::new(middle, t.high));
+        pending.push(Interval::new(t.low, middle));
+    }
+    if open.is_some() { Proof::Open } else { Proof::Miss }
+}
+
+/// Rays from far away, along the surface, and from close to it.
+fn rays(sdf: &Sdf, count: u32) -> Vec<(View, SdfRay)> {
+    let mut random = Random(41);
+    let (middle, radius) = (sdf.bounds().center(), 0.5 * sdf.bounds().size().length());
+    let mut rays = Vec::new();
+    while rays.len() < count as usize {
+        let origin = middle + random.direction() * radius * 2.0;
+        let target = middle + random.direction() * radius * 0.8 * random.next();
+        let far = ray(origin, target - origin);
+        if rays.len() % 4 < 2 {
+            rays.push((View::Far, far));
+            continue;
+        }
+        let Some(t) = super::hit(sdf, &far) else { continue };
+        let (p, n) = (far.origin + far.dir * t, sdf.normal(far.origin + far.dir * t, 0.0));
+        let along = n.cross(random.direction()).normalize_or(n.any_orthonormal_vector());
+        if rays.len() % 4 == 2 {
+            // Past a place of the surface, up to a hundredth of the size above or below.
+            let past = p + n * radius * 0.01 * random.within(-1.0, 1.0);
+            let origin = past - along * radius * 2.0;
+            rays.push((View::Grazing, ray(origin, along)));
+        } else {
+            let origin = p + n * radius * 0.01;
+            let target = p + along * radius * 0.03 * random.next();
+            rays.push((View::Close, SdfRay { footprint: 1e-4, ..ray(origin, target - origin) }));
+        }
+    }
+    rays
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum View {
+    Far,
+    Grazing,
+    Close,
+}
+
+/// Plain sphere tracing that calls everything closer than `epsilon` a hit.
+fn plain(sdf: &Sdf, ray: &SdfRay, epsilon: f32, evaluations: &mut u64) -> Option<f32> {
+    let far = 4.0 * sdf.bounds().size().length();
+    let mut t = 0.0;
+    for _ in 0..4096 {
+        *evaluations += 1;
+        let value: f32 = sdf.tape().distance(Point::splat(ray.origin + ray.dir * t));
+        if value < epsilon {
+            return Some(t);
+        }
+        t += value;
+        if t > far {
+            break;
+        }
+    }
+    None
+}
+
+#[derive(Debug, Default)]
+struct Record {
+    rays: u64,
+    hits: u64,
+    mismatches: u64,
+    /// Hits on features thinner than two least steps, which may be skipped.
+    thin: u64,
+    open: u64,
+    depths: Vec<f64>,
+    normals: Vec<f64>,
+    work: u64,
+    /// Evaluations of the march and of plain sphere tracing, far and close, and grazing.
+    evaluations: [[u64; 2]; 2],
+}
+
+fn percentile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(((values.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(0.0)
+}
+
+/// How long the ray stays inside from `t` on, as far as a few samples can tell.
+fn chord(sdf: &Sdf, origin: DVec3, dir: DVec3, t: f64, step: f64) -> f64 {
+    let mut length = 0.0;
+    while length < 64.0 * step && exact(sdf, origin + dir * (t + length + 0.05 * step)) < 0.0 {
+        length += 0.1 * step;
+    }
+    length
+}
+
+fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
+    let mut record = Record::default();
+    let size = f64::from(sdf.bounds().size().length());
+    for (view, ray) in rays(sdf, count) {
+        let (origin, dir) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
+        let proof = prove(sdf, origin, dir, 3.0 * size, &mut record.work);
+        let mut stats = MarchStats::default();
+        let found = sdf.intersect(&ray, &mut stats);
+        let grazing = usize::from(view == View::Grazing);
+        record.evaluations[grazing][0] += stats.evaluations;
+        plain(sdf, &ray, (1e-7 * size) as f32, &mut record.evaluations[grazing][1]);
+        record.rays += 1;
+        match (proof, found) {
+            (Proof::Open, _) => record.open += 1,
+            (Proof::Miss, None) => {}
+            (Proof::Hit(exactly), Some(t)) => {
+                record.hits += 1;
+                let p = origin + dir * exactly;
+                let slope = |axis: DVec3| {
+                    exact(sdf, p + axis * 1e-6 * size) - exact(sdf, p - axis * 1e-6 * size)
+                };
+                let steepest = DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z)).normalize();
+                let n = sdf.normal(ray.origin + ray.dir * t, 0.0).as_dvec3();
+                // Along the normal: how deep a grazing ray is when it hits is a matter of rounding.
+                record.depths.push((f64::from(t) - exactly).abs() * dir.dot(steepest).abs() / size);
+                record.normals.push(n.cross(steepest).length().asin().to_degrees());
+            }
+            (Proof::Hit(exactly), None) => {
+                let least = 2e-4 * exactly;
+                if chord(sdf, origin, dir, exactly, least) < least { record.thin += 1 } else { record.mismatches += 1 }
+            }
+            (Proof::Miss, Some(t)) => {
+                println!("{name}: {ray:?} misses, found {t}");
+                record.mismatches += 1;
+            }
+        }
+    }
+    record
+}
+
+fn examine_all(count: u32) {
+    let (mut rays, mut mismatches, mut open) = (0, 0, 0);
+    let mut evaluations = [[0_u64; 2]; 2];
+    for (name, sdf) in objects() {
+        let mut r = examine(name, &sdf, count);
+        let (depth, normal) = (percentile(&mut r.depths, 0.99), percentile(&mut r.normals, 0.99));
+        println!(
+            "{name:>12}: {} hits, {} mismatches, {} thin, {} open; p99 depth {depth:.1e}, normal {normal:.1e}°; \
+             evaluations {:.1} and {:.1}, grazing {:.1} and {:.1} per ray; {:.0} intervals per ray",
+            r.hits, r.mismatches, r.thin, r.open,
+            r.evaluations[0][0] as f64 / r.rays as f64 / 0.75, r.evaluations[0][1] as f64 / r.rays as f64 / 0.75,
+            r.evaluations[1][0] as f64 / r.rays as f64 / 0.25, r.evaluations[1][1] as f64 / r.rays as f64 / 0.25,
+            r.work as f64 / r.rays as f64,
+        );
+        assert!(r.hits > r.rays / 4, "{name}: a test that hits nothing shows nothing");
+        assert!(r.open * 100 < r.rays, "{name}: {} of {} could not be decided", r.open, r.rays);
+        assert!(depth <= 1e-5, "{name}: depth {depth}");
+        // Noise and seams have no limit that differences would meet.
+        assert!(normal <= 0.1 || name == "stone", "{name}: normal {normal}");
+        (rays, mismatches, open) = (rays + r.rays, mismatches + r.mismatches, open + r.open);
+        for (sums, counts) in evaluations.iter_mut().zip(r.evaluations) {
+            *sums = [sums[0] + counts[0], sums[1] + counts[1]];
+        }
+    }
+    println!(
+        "{rays} rays: {mismatches} mismatches, {open} open; evaluations of plain sphere tracing: {:.2} of them, \
+         grazing {:.2}",
+        (evaluations[0][0] + evaluations[1][0]) as f64 / (evaluations[0][1] + evaluations[1][1]) as f64,
+        evaluations[1][0] as f64 / evaluations[1][1] as f64
+    );
+    assert!(mismatches * 10_000 <= rays, "{mismatches} of {rays}");
+}
+
+#[test]
+fn rays_hit_what_intervals_prove() {
+    examine_all(256);
+}
+
+#[test]
+#[ignore = "minutes: 4096 rays of every object"]
+fn many_rays_hit_what_intervals_prove() {
+    examine_all(4096);
+}
+
+#[test]
+fn intervals_hold_what_is_in_them() {
+    let mut random = Random(42);
+    for (name, sdf) in objects() {
+        let reach = f64::from(sdf.bounds().size().length());
+        for _ in 0..200 {
+            let middle = sdf.bounds().center().as_dvec3() + random.direction().as_dvec3() * reach * f64::from(random.next());
+            let size = reach * 10.0_f64.powf(f64::from(random.within(-6.0, 0.0)));
+            let side = |axis: usize| Interval::new(middle[axis] - size, middle[axis] + size);
+            let value: Interval = sdf.tape().distance(Point::new(side(0), side(1), side(2)));
+            for _ in 0..20 {
+                let off = DVec3::from_array([0; 3].map(|_| size * f64::from(random.within(-1.0, 1.0))));
+                let inside = exact(&sdf, middle + off);
+                assert!(value.low <= inside && inside <= value.high, "{name}: {inside} outside of {value:?}");
+            }
+        }
+    }
+}
