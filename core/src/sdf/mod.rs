@@ -5,6 +5,7 @@
 //! brings rays there, so that far-away objects cost no precision.
 
 mod builder;
+mod closed;
 mod error;
 mod march;
 mod node;

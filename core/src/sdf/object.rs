@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use crate::math::Aabb;
 
+use super::closed::{ClosedForm, Ray};
 use super::error::{SdfError, require};
 use super::march::{self, MarchStats, ROUNDOFF, Segment};
 use super::real::Point;
@@ -48,6 +49,8 @@ pub struct Sdf {
     tape: Tape,
     bounds: Aabb,
     resolved: Resolved,
+    /// What rays are answered by, where there is one.
+    closed: Option<ClosedForm>,
 }
 
 impl Sdf {
@@ -81,7 +84,8 @@ impl Sdf {
         // Surfaces may touch the bounds; rays should enter clearly outside of them.
         let margin = Vec3::splat(diagonal / 256.0);
         let bounds = Aabb { min: bounds.min - margin, max: bounds.max + margin };
-        Ok(Self { tape, bounds, resolved })
+        let closed = ClosedForm::of(tape.ops());
+        Ok(Self { tape, bounds, resolved, closed })
     }
 
     /// The box that rays are clipped to, in object space: a little larger than the object.
@@ -103,8 +107,11 @@ impl Sdf {
     ///
     /// `dir` need not have unit length. `footprint` is the half width of the ray's pixel cone per unit of distance
     /// (0 = unknown). A ray that starts inside is marched inside and hits where it comes out. A ray that starts on
-    /// the surface, or [`Sdf::offset`] away from it, does not hit the place that it leaves. Ends after at most
-    /// `max_steps` steps; non-finite rays miss.
+    /// the surface, or [`Sdf::offset`] away from it, does not hit the place that it leaves. Non-finite rays miss.
+    ///
+    /// Unblended spheres, boxes, planes, cylinders, capsules, cones and ellipsoids, and up to sixteen of them under
+    /// hard operators, are met by formula: exactly, whatever the settings. Everything else is marched, in at most
+    /// `max_steps` steps.
     pub fn intersect(&self, ray: &SdfRay, stats: &mut MarchStats) -> Option<f32> {
         let dir = ray.dir.as_dvec3();
         let length = dir.length();
@@ -113,11 +120,30 @@ impl Sdf {
         }
         let from = f64::from(ray.t_min.max(0.0)) * length;
         let to = f64::from(ray.t_max) * length;
-        let segment = Segment::clip(self.bounds, ray.origin.as_dvec3(), dir / length, from, to)?;
-        let epsilon = if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
-        let at = march::first_hit(self, &segment, epsilon, stats)?;
-        let t = ((segment.start + f64::from(at)) / length) as f32;
-        Some(t.clamp(ray.t_min, ray.t_max))
+        let (origin, dir) = (ray.origin.as_dvec3(), dir / length);
+        let at = match &self.closed {
+            Some(closed) => closed.first_hit(self, &Ray { origin, dir, from, to }, stats)?,
+            None => {
+                let segment = Segment::clip(self.bounds, origin, dir, from, to)?;
+                let epsilon =
+                    if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
+                segment.start + f64::from(march::first_hit(self, &segment, epsilon, stats)?)
+            }
+        };
+        Some(((at / length) as f32).clamp(ray.t_min, ray.t_max))
+    }
+
+    /// The same object without its closed form.
+    #[cfg(test)]
+    pub(super) fn marching(mut self) -> Self {
+        self.closed = None;
+        self
+    }
+
+    /// Whether rays are answered by formula.
+    #[cfg(test)]
+    pub(super) fn is_closed(&self) -> bool {
+        self.closed.is_some()
     }
 
     /// Outward unit normal at a point of the surface, from differences at the corners of a small tetrahedron.

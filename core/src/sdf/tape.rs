@@ -46,6 +46,11 @@ impl Tape {
         Ok(Self { ops, depth, nodes, bounds: summary.bounds, reach: summary.reach, level: summary.level })
     }
 
+    /// The steps, in the order in which they are taken.
+    pub(super) fn ops(&self) -> &[Op] {
+        &self.ops
+    }
+
     /// Nodes of the tree that this tape was made from.
     pub fn nodes(&self) -> usize {
         self.nodes

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::error::{A_LENGTH, LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -49,6 +50,50 @@ impl Cone {
         let square = (end_x * end_x + end_y * end_y).min(slant_x * slant_x + slant_y * slant_y);
         let within = R::select(end_y.less(zero), R::splat(-1.0), R::splat(1.0));
         square.sqrt() * R::select(slant_x.less(zero), within, R::splat(1.0))
+    }
+
+    /// The piece of a line between the ends and within the slant.
+    ///
+    /// Between the ends the radius `w + k s` is not negative, so that of the double cone `|q + s u|² <= (w + k s)²`
+    /// (all across the axis) only the nappe that is meant is there. `|u|² - k²` tells whether the line is flatter
+    /// than the slant, and then inside between both roots, or steeper: then it is inside from the root on the nappe
+    /// onwards, to where the cone widens. The discriminant is `|w u - k q|² - (q × u)²`.
+    #[inline]
+    pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
+        let caps = line.between_caps(f64::from(self.half))?;
+        let (bottom, top, half) = (f64::from(self.bottom), f64::from(self.top), f64::from(self.half));
+        let (foot, dir) = (line.foot, line.dir);
+        let widening = (top - bottom) / (2.0 * half);
+        let (w, k) = (0.5 * (bottom + top) + widening * foot.y, widening * dir.y);
+        let across = dir.x * dir.x + dir.z * dir.z;
+        // Along the slant the line counts as steeper: its first root has gone to one end of the line.
+        let a = if across == k * k { -0.0 } else { across - k * k };
+        let b = foot.x * dir.x + foot.z * dir.z - w * k;
+        let cross = foot.x * dir.z - foot.z * dir.x;
+        let (x, z) = (w * dir.x - k * foot.x, w * dir.z - k * foot.z);
+        let discriminant = x * x + z * z - cross * cross;
+        if a > 0.0 && discriminant <= 0.0 {
+            return None;
+        }
+        // A steep line always crosses; through the tip both roots are one.
+        let root = discriminant.max(0.0).sqrt();
+        let away = (foot.x * foot.x + foot.z * foot.z).sqrt();
+        let c = (away - w) * (away + w);
+        // Neither sum cancels: the other root is what the product of both leaves.
+        let sum = if b < 0.0 { root - b } else { -root - b };
+        let (one, other) = if sum == 0.0 { (0.0, 0.0) } else { (sum / a, c / sum) };
+        let (low, high) = (one.min(other), one.max(other));
+        let slant = if a > 0.0 {
+            Span { start: low, end: high }
+        } else if a == 0.0 && sum == 0.0 {
+            // It neither comes closer nor goes away.
+            return (c <= 0.0).then_some(caps);
+        } else if k > 0.0 {
+            Span { start: high, ..Span::WHOLE }
+        } else {
+            Span { end: low, ..Span::WHOLE }
+        };
+        caps.common(slant)
     }
 
     pub(in crate::sdf) fn bounds(self) -> Aabb {

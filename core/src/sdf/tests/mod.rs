@@ -1,6 +1,8 @@
 //! Owns the tests of distance functions; what several of them need stands here.
 
 mod accuracy;
+mod closed;
+mod closed_seams;
 mod hostile;
 mod noise;
 mod properties;

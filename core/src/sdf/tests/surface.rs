@@ -38,9 +38,13 @@ fn false_hits(sdf: &Sdf, count: usize) -> usize {
 #[test]
 fn leaving_a_convex_surface_hits_nothing() {
     for radius in [1e-3_f32, 1e-2, 1.0, 30.0, 1e3] {
-        assert_eq!(false_hits(&object(|t| t.sphere(radius)), 4000), 0, "sphere of radius {radius}");
         assert_eq!(
-            false_hits(&object(|t| t.cuboid(Vec3::new(2.0, 1.0, 3.0) * radius)), 4000),
+            false_hits(&object(|t| t.sphere(radius)).marching(), 4000),
+            0,
+            "sphere of radius {radius}"
+        );
+        assert_eq!(
+            false_hits(&object(|t| t.cuboid(Vec3::new(2.0, 1.0, 3.0) * radius)).marching(), 4000),
             0,
             "box {radius}"
         );
@@ -48,7 +52,7 @@ fn leaving_a_convex_surface_hits_nothing() {
             let ball = t.sphere(radius);
             t.transform(ball, Vec3::new(100.0, 50.0, 0.0) * radius, glam::Mat3::IDENTITY, 1.0)
         });
-        assert_eq!(false_hits(&offset_ball, 4000), 0, "moved sphere of radius {radius}");
+        assert_eq!(false_hits(&offset_ball.marching(), 4000), 0, "moved sphere of radius {radius}");
     }
 }
 
@@ -56,7 +60,7 @@ fn leaving_a_convex_surface_hits_nothing() {
 fn leaving_inwards_comes_out_at_the_far_side() {
     let mut random = Random(17);
     for radius in [1e-3_f32, 1.0, 1e3] {
-        let sdf = object(|t| t.sphere(radius));
+        let sdf = object(|t| t.sphere(radius)).marching();
         for p in surface_points(&sdf, 2000) {
             let n = sdf.normal(p, 0.0);
             let w = random.direction();
