@@ -12,16 +12,19 @@ use glam::DVec3;
 use self::crossings::{Crossing, Stack};
 pub(super) use self::line::{Line, Span};
 use self::solid::{Frame, Placed};
-use super::march::MarchStats;
+use super::march::{MarchStats, ROUNDOFF};
 use super::node::{Operator, Space};
 use super::object::Sdf;
+use super::real::Point;
 use super::tape::Op;
 
 /// Most solids of a closed form: with more, marching wins, since it can leave out those that are elsewhere.
 pub(super) const MAX_SOLIDS: usize = 16;
 
-/// How much longer than the rounding error of a value a piece of a ray may be that rounding hides: such pieces are
-/// looked at where the surfaces on both sides are at least this flat to the ray, as a slope.
+/// Times the rounding error of a number that a surface may be away from where it is meant to be.
+const SLACK: f64 = 4.0;
+
+/// Least slope between a ray and two surfaces for which what is between them is looked at.
 const FLATTEST: f64 = 1.0 / 1024.0;
 
 /// A tree as the pieces of a ray that are inside of its solids.
@@ -29,6 +32,15 @@ const FLATTEST: f64 = 1.0 / 1024.0;
 pub(super) struct ClosedForm {
     solids: Vec<Placed>,
     steps: Vec<Step>,
+    /// The spaces that solids are placed in, parents first; the first one is the object's.
+    spaces: Vec<Placing>,
+}
+
+/// How a space lies in its parent, which is named by its index.
+#[derive(Debug, Clone, Copy)]
+struct Placing {
+    frame: Frame,
+    parent: usize,
 }
 
 /// What to do with the stack of lists of crossings.
@@ -61,22 +73,22 @@ impl ClosedForm {
     /// The closed form of a tape, where it has one: at most [`MAX_SOLIDS`] convex solids, placements, and operators
     /// that do not blend.
     pub(super) fn of(ops: &[Op]) -> Option<Self> {
-        let mut form = Self { solids: Vec::new(), steps: Vec::new() };
-        let mut frames = vec![Frame::OBJECT];
+        let object = Placing { frame: Frame::OBJECT, parent: 0 };
+        let mut form = Self { solids: Vec::new(), steps: Vec::new(), spaces: vec![object] };
+        let mut space = 0;
         for op in ops {
             match op {
                 Op::Leaf(leaf) => {
-                    form.solids.push(Placed::new(*leaf, *frames.last()?)?);
+                    form.solids.push(Placed::new(*leaf, form.spaces[space].frame, space)?);
                     form.steps.push(Step::Solid);
                 }
                 Op::Operator(operator) if operator.is_hard() => form.steps.push(Step::Operator(*operator)),
                 Op::Enter(Space::Placement(placement)) => {
-                    let inner = frames.last()?.enter(placement)?;
-                    frames.push(inner);
+                    let frame = form.spaces[space].frame.enter(placement)?;
+                    form.spaces.push(Placing { frame, parent: space });
+                    space = form.spaces.len() - 1;
                 }
-                Op::Leave(Space::Placement(_)) => {
-                    frames.pop();
-                }
+                Op::Leave(Space::Placement(_)) => space = form.spaces[space].parent,
                 Op::Operator(_) | Op::Displace(_) | Op::Enter(_) | Op::Leave(_) => return None,
             }
         }
@@ -110,6 +122,22 @@ impl ClosedForm {
             }
         }
         Judge { form: self, sdf, ray, stats }.first(stack.crossings())
+    }
+
+    /// How far apart the surfaces of two solids may be near a point although they are meant to be one.
+    ///
+    /// Numbers are rounded where they are placed in a space that holds both; how that space is placed moves both alike.
+    fn slack(&self, a: &Placed, b: &Placed, p: DVec3) -> f64 {
+        let (mut a, mut b, mut reach) = (a.space, b.space, 0.0);
+        while a != b {
+            // Parents come first, so that the greater of two indices is no parent of the other.
+            let inner = if a > b { &mut a } else { &mut b };
+            let Placing { frame, parent } = self.spaces[*inner];
+            reach += (frame.origin - self.spaces[parent].frame.origin).length_squared().sqrt();
+            *inner = parent;
+        }
+        let away = (p - self.spaces[a].frame.origin).length_squared().sqrt();
+        SLACK * f64::from(ROUNDOFF) * away.max(reach)
     }
 }
 
@@ -147,31 +175,31 @@ impl Judge<'_> {
     fn is_left_behind(&mut self, crossing: Crossing) -> bool {
         let solid = &self.form.solids[usize::from(crossing.solid)];
         let start = self.ray.at(self.ray.from);
-        let band = self.band(start);
+        let band = SLACK * f64::from(self.sdf.noise(start.as_vec3()));
         solid.distance(start).abs() <= band
             && solid.distance(self.ray.at(0.5 * (self.ray.from + crossing.at))).abs() <= band
             && self.value(start).abs() <= band
+    }
+
+    /// The value of the whole.
+    fn value(&mut self, p: DVec3) -> f64 {
+        self.stats.evaluations += 1;
+        self.sdf.tape().distance(Point::new(p.x, p.y, p.z))
     }
 
     /// Whether what is between two crossings is there by rounding only: the gap between two solids that touch, or the
     /// skin that is left where one was cut off flush with the other's face.
     ///
     /// A single solid hides nothing, however thin: its two sides are rounded alike.
-    fn is_hidden(&mut self, crossing: Crossing, after: Crossing) -> bool {
+    fn is_hidden(&self, crossing: Crossing, after: Crossing) -> bool {
+        if crossing.solid == after.solid {
+            return false;
+        }
+        let [a, b] = [crossing, after].map(|it| &self.form.solids[usize::from(it.solid)]);
         let middle = self.ray.at(0.5 * (crossing.at + after.at));
-        let band = self.band(middle);
-        crossing.solid != after.solid
-            && FLATTEST * (after.at - crossing.at) <= 2.0 * band
-            && self.value(middle).abs() <= band
-    }
-
-    /// Values that may as well be 0 near a point: a few times the error of a value in f32.
-    fn band(&self, p: DVec3) -> f64 {
-        4.0 * f64::from(self.sdf.noise(p.as_vec3()))
-    }
-
-    fn value(&mut self, p: DVec3) -> f64 {
-        self.stats.evaluations += 1;
-        self.sdf.tape().distance(super::Point::new(p.x, p.y, p.z))
+        let slack = self.form.slack(a, b, middle);
+        FLATTEST * (after.at - crossing.at) <= slack
+            && a.distance(middle).abs() <= slack
+            && b.distance(middle).abs() <= slack
     }
 }

@@ -65,7 +65,7 @@ impl Solid {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     /// Origin of this space, in object space.
-    origin: DVec3,
+    pub(super) origin: DVec3,
     /// Turns and scales vectors of object space into this one.
     inwards: DMat3,
     /// Size of a unit of this space, in object units.
@@ -97,11 +97,13 @@ impl Frame {
 pub(super) struct Placed {
     solid: Solid,
     frame: Frame,
+    /// The space that it is placed in, by its index in the closed form.
+    pub(super) space: usize,
 }
 
 impl Placed {
-    pub(super) fn new(leaf: Leaf, frame: Frame) -> Option<Self> {
-        Solid::of(leaf).map(|solid| Self { solid, frame })
+    pub(super) fn new(leaf: Leaf, frame: Frame, space: usize) -> Option<Self> {
+        Solid::of(leaf).map(|solid| Self { solid, frame, space })
     }
 
     /// The piece of the line `origin + t dir` that is inside, in `t`.

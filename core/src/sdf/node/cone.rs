@@ -10,15 +10,16 @@ use crate::sdf::real::{Point, Real};
 /// Cone around the y axis: radius `r1` at `y = -h`, `r2` at `y = h`, flat ends.
 ///
 /// In the half-plane of `q = (hypot(p.x, p.z), p.y)` the nearest point is on the nearer end, a distance of
-/// `(max(q.x - r, 0), |q.y| - h)` away, or on the slant from `(r1, -h)` to `(r2, h)`, onto which `q` is projected. The
-/// least of both lengths is the exact distance, negative where `q` is behind the slant and between the ends; bound 1.
+/// `(max(q.x - r, 0), |q.y| - h)` away, or on the slant from `(r1, -h)` to `(r2, h)`: as far away as its line where `q`
+/// is projected onto it, else one of its ends. The least of both lengths is the exact distance, negative where `q` is
+/// behind the line of the slant and between the ends; bound 1.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sdf) struct Cone {
     bottom: f32,
     top: f32,
     half: f32,
-    /// One over the squared length of the slant.
-    per_slant2: f32,
+    /// One over the length of the slant.
+    per_slant: f32,
 }
 
 impl Cone {
@@ -30,8 +31,8 @@ impl Cone {
         require(fits, "cone.top_radius", top_radius, allowed)?;
         require(LENGTHS.contains(&height), "cone.height", height, A_LENGTH)?;
         let (across, along) = (f64::from(top_radius) - f64::from(radius), f64::from(height));
-        let per_slant2 = (1.0 / (across * across + along * along)) as f32;
-        Ok(Self { bottom: radius, top: top_radius, half: 0.5 * height, per_slant2 })
+        let per_slant = (1.0 / (across * across + along * along).sqrt()) as f32;
+        Ok(Self { bottom: radius, top: top_radius, half: 0.5 * height, per_slant })
     }
 
     #[inline]
@@ -45,11 +46,18 @@ impl Cone {
         // From the slant.
         let (run, rise) = (R::splat(self.top - self.bottom), R::splat(2.0 * self.half));
         let (x, y) = (across - R::splat(self.bottom), p.y + R::splat(self.half));
-        let part = ((x * run + y * rise) * R::splat(self.per_slant2)).max(zero).min(R::splat(1.0));
-        let (slant_x, slant_y) = (x - run * part, y - rise * part);
-        let square = (end_x * end_x + end_y * end_y).min(slant_x * slant_x + slant_y * slant_y);
-        let within = R::select(end_y.less(zero), R::splat(-1.0), R::splat(1.0));
-        square.sqrt() * R::select(slant_x.less(zero), within, R::splat(1.0))
+        let (one, per_slant) = (R::splat(1.0), R::splat(self.per_slant));
+        let part = (x * run + y * rise) * per_slant * per_slant;
+        let nearest = part.max(zero).min(one);
+        let (slant_x, slant_y) = (x - run * nearest, y - rise * nearest);
+        // Between its ends the distance from the line of the slant keeps its sign: what rounding leaves of the way to
+        // the nearest point along the line would be the least value next to the surface.
+        let beside = (x * rise - y * run) * per_slant;
+        let corner = slant_x * slant_x + slant_y * slant_y;
+        let on_slant = R::select(zero.less(part), R::select(part.less(one), beside * beside, corner), corner);
+        let square = (end_x * end_x + end_y * end_y).min(on_slant);
+        let within = R::select(end_y.less(zero), -one, one);
+        square.sqrt() * R::select(beside.less(zero), within, one)
     }
 
     /// The piece of a line between the ends and within the slant.
@@ -61,10 +69,9 @@ impl Cone {
     #[inline]
     pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
         let caps = line.between_caps(f64::from(self.half))?;
-        let (bottom, top, half) = (f64::from(self.bottom), f64::from(self.top), f64::from(self.half));
-        let (foot, dir) = (line.foot, line.dir);
-        let widening = (top - bottom) / (2.0 * half);
-        let (w, k) = (0.5 * (bottom + top) + widening * foot.y, widening * dir.y);
+        let (foot, dir, half) = (line.foot, line.dir, f64::from(self.half));
+        let widening = f64::from(self.top - self.bottom) / (2.0 * half);
+        let (w, k) = (f64::from(self.bottom) + widening * (foot.y + half), widening * dir.y);
         let across = dir.x * dir.x + dir.z * dir.z;
         // Along the slant the line counts as steeper: its first root has gone to one end of the line.
         let a = if across == k * k { -0.0 } else { across - k * k };

@@ -117,6 +117,24 @@ fn normals_are_exact_on_smooth_objects() {
 }
 
 #[test]
+fn normals_of_cones_are_perpendicular_to_the_slant() {
+    // The slant of the one falls by 1.5 per unit outwards, that of the other rises by 1 / 0.6.
+    for (bottom, top, height, slope) in [(1.0_f32, 0.0, 1.5, 1.0 / 1.5), (0.4, 1.0, 1.0, -0.6)] {
+        for sdf in
+            [object(|t| t.cone(bottom, top, height)), object(|t| t.cone(bottom, top, height)).marching()]
+        {
+            for p in surface_points(&sdf, 2000) {
+                if p.y.abs() < 0.49 * height {
+                    let want = Vec3::new(p.x, Vec3::new(p.x, 0.0, p.z).length() * slope, p.z).normalize();
+                    let cross = sdf.normal(p, 0.0) - want;
+                    assert!(cross.length() < 1e-5, "{p}: {cross}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn normals_are_unit_and_point_out_of_melted_and_fractal_objects() {
     for sdf in [object(melted), object(|t| t.mandelbulb(8.0, 10, 4.0))] {
         let mut outwards = 0;
