@@ -121,14 +121,12 @@ impl Sdf {
         let from = f64::from(ray.t_min.max(0.0)) * length;
         let to = f64::from(ray.t_max) * length;
         let (origin, dir) = (ray.origin.as_dvec3(), dir / length);
-        let at = match &self.closed {
-            Some(closed) => closed.first_hit(self, &Ray { origin, dir, from, to }, stats)?,
-            None => {
-                let segment = Segment::clip(self.bounds, origin, dir, from, to)?;
-                let epsilon =
-                    if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
-                segment.start + f64::from(march::first_hit(self, &segment, epsilon, stats)?)
-            }
+        let at = if let Some(closed) = &self.closed {
+            closed.first_hit(self, &Ray { origin, dir, from, to }, stats)?
+        } else {
+            let segment = Segment::clip(self.bounds, origin, dir, from, to)?;
+            let epsilon = if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
+            segment.start + f64::from(march::first_hit(self, &segment, epsilon, stats)?)
         };
         Some(((at / length) as f32).clamp(ray.t_min, ray.t_max))
     }

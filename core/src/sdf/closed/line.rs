@@ -59,12 +59,11 @@ impl Span {
     /// What is less than the root of `square` away from `middle`; `None` where that is nothing.
     #[inline]
     pub(in crate::sdf) fn around(middle: f64, square: f64) -> Option<Self> {
-        // NaN ends here too.
-        if !(square > 0.0) {
-            return None;
-        }
-        let half = square.sqrt();
-        Some(Self { start: middle - half, end: middle + half })
+        // NaN is nothing, too.
+        (square > 0.0).then(|| {
+            let half = square.sqrt();
+            Self { start: middle - half, end: middle + half }
+        })
     }
 
     /// Where `|at + slope s| <= half`.

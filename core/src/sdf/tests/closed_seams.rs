@@ -6,8 +6,11 @@ use super::closed::closed;
 use super::{Random, exact, hit, moved, object, ray};
 use crate::sdf::{NodeId, Sdf, SdfRay, TapeBuilder};
 
+/// Adds a solid or a tree to a builder.
+pub(super) type Build = fn(&mut TapeBuilder) -> NodeId;
+
 /// Solids without a hollow, about 1 in size.
-const CONVEX: [fn(&mut TapeBuilder) -> NodeId; 7] = [
+pub(super) const CONVEX: [Build; 7] = [
     |t| t.sphere(1.0),
     |t| t.cuboid(Vec3::new(2.0, 1.0, 3.0)),
     |t| t.cylinder(0.7, 1.5),
@@ -17,7 +20,7 @@ const CONVEX: [fn(&mut TapeBuilder) -> NodeId; 7] = [
     |t| t.ellipsoid(Vec3::new(1.0, 0.6, 0.8)),
 ];
 
-fn turned(t: &mut TapeBuilder, node: NodeId, to: Vec3, scale: f32) -> NodeId {
+pub(super) fn turned(t: &mut TapeBuilder, node: NodeId, to: Vec3, scale: f32) -> NodeId {
     let turn = Mat3::from_quat(Quat::from_scaled_axis(Vec3::new(0.4, -0.7, 0.2)));
     t.transform(node, to, turn, scale)
 }
@@ -66,6 +69,19 @@ fn rays_that_leave_a_convex_solid_hit_nothing() {
     assert!(rays > 90_000);
 }
 
+/// Checks that a ray which enters a solid of a size at `start` hits it from inside.
+fn comes_out(sdf: &Sdf, start: Vec3, w: Vec3, size: f32, away: f32) {
+    let at = |t: f64| exact(sdf, start.as_dvec3() + w.as_dvec3() * t);
+    let least = f64::from(1e-3 * size);
+    // Next to an edge it may pass by.
+    if at(least) > 0.0 {
+        return;
+    }
+    let t = f64::from(hit(sdf, &ray(start, w)).expect("comes out"));
+    assert!(at(0.5 * t) < 0.0 && t > least, "{start} to {w}: {t}, {} half way", at(0.5 * t));
+    assert!(at(t).abs() < f64::from(1e-6 * size.max(away)), "{start} to {w}: {t}, {}", at(t));
+}
+
 #[test]
 fn rays_into_a_solid_come_out_on_the_far_side() {
     let mut random = Random(37);
@@ -79,19 +95,9 @@ fn rays_into_a_solid_come_out_on_the_far_side() {
                 let n = sdf.normal(p, 0.0);
                 let w = random.direction();
                 let w = w * -w.dot(n).signum();
-                if w.dot(n) > -0.05 {
-                    continue;
-                }
-                for start in [p, p - n * sdf.offset(p)] {
-                    // At a corner the offset may lead out of it.
-                    if exact(&sdf, start.as_dvec3() + w.as_dvec3() * f64::from(1e-3 * scale)) > 0.0 {
-                        continue;
-                    }
-                    let t = f64::from(hit(&sdf, &ray(start, w)).expect("comes out"));
-                    let inside = exact(&sdf, start.as_dvec3() + w.as_dvec3() * (0.5 * t));
-                    assert!(inside < 0.0 && t > f64::from(1e-3 * scale), "{start} to {w}: {t}, {inside}");
-                    let there = exact(&sdf, start.as_dvec3() + w.as_dvec3() * t);
-                    assert!(there.abs() < f64::from(1e-6 * scale.max(away)), "{start} to {w}: {there}");
+                if w.dot(n) < -0.05 {
+                    comes_out(&sdf, p, w, scale, away);
+                    comes_out(&sdf, p - n * sdf.offset(p), w, scale, away);
                 }
             }
         }
@@ -169,7 +175,7 @@ fn boxes_that_touch_have_no_seam() {
 }
 
 /// Rays through and past everything within 2 of the origin.
-fn around(count: u32) -> impl Iterator<Item = SdfRay> {
+pub(super) fn around(count: u32) -> impl Iterator<Item = SdfRay> {
     let mut random = Random(43);
     (0..count).map(move |_| {
         let origin = random.direction() * random.within(0.0, 3.0);
@@ -253,54 +259,5 @@ fn rays_in_faces_and_through_tips_end() {
         assert_eq!(got.is_some(), want.is_some(), "{origin} {dir}: {got:?}");
         let apart = got.zip(want).map_or(0.0, |(got, want)| (got - want).abs());
         assert!(apart < 1e-5, "{origin} {dir}: {got:?} and {want:?}");
-    }
-}
-
-/// Not a check: time per ray with and without the closed form.
-#[test]
-#[ignore = "prints figures; run alone with --nocapture"]
-fn time_of_closed_forms_and_of_the_march() {
-    let cases: [(&str, fn(&mut TapeBuilder) -> NodeId); 4] = [
-        ("sphere", |t| t.sphere(1.0)),
-        ("box", |t| t.cuboid(Vec3::new(1.6, 1.2, 1.4))),
-        ("8 solids", |t| {
-            let mut node = t.cuboid(Vec3::splat(1.4));
-            for i in 0..7_u8 {
-                let solid = CONVEX[usize::from(i)](t);
-                let solid = turned(t, solid, Vec3::new(0.3, 0.2, -0.5) * f32::from(i % 3), 0.5);
-                node = if i % 2 == 0 { t.difference(&[node, solid]) } else { t.union(&[node, solid]) };
-            }
-            node
-        }),
-        ("16 solids", |t| {
-            let mut node = t.cuboid(Vec3::splat(1.4));
-            for i in 0..15_u8 {
-                let solid = CONVEX[usize::from(i % 7)](t);
-                let to = Vec3::new(0.3, 0.2 - 0.1 * f32::from(i / 4), -0.5) * f32::from(i % 3);
-                let solid = turned(t, solid, to, 0.4);
-                node = if i % 2 == 0 { t.difference(&[node, solid]) } else { t.union(&[node, solid]) };
-            }
-            node
-        }),
-    ];
-    let rays: Vec<_> = around(20_000).collect();
-    for (name, build) in cases {
-        let formula = object(build);
-        let march = formula.clone().marching();
-        let time = |sdf: &Sdf| {
-            let best = (0..7).map(|_| {
-                let start = std::time::Instant::now();
-                let hits = rays.iter().filter(|ray| std::hint::black_box(hit(sdf, ray)).is_some()).count();
-                (start.elapsed().as_secs_f64() * 1e9 / rays.len() as f64, hits)
-            });
-            best.min_by(|a, b| a.0.total_cmp(&b.0)).expect("seven runs")
-        };
-        for _ in 0..3 {
-            let (formula, march) = (time(&formula), time(&march));
-            println!(
-                "{name}: formula {:.0} ns, march {:.0} ns per ray; hits {} and {}",
-                formula.0, march.0, formula.1, march.1
-            );
-        }
     }
 }

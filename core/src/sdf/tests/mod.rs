@@ -3,6 +3,7 @@
 mod accuracy;
 mod closed;
 mod closed_seams;
+mod closed_time;
 mod hostile;
 mod noise;
 mod properties;
