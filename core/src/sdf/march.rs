@@ -13,7 +13,7 @@ use std::ops::ControlFlow::{self, Break, Continue};
 pub struct MarchStats {
     /// Evaluations of distance functions.
     pub evaluations: u64,
-    /// Rays that ran out of steps: where they were approaching and had come within the hit distance of the surface
+    /// Rays that ran out of steps: where they had come within the hit distance of the surface and were about to meet it
     /// they count as hits, else as misses.
     pub exhausted: u64,
     /// Steps that ended inside although the value had promised free space; they were taken back and made smaller.
@@ -255,8 +255,9 @@ impl March {
         if self.steps == resolved.max_steps {
             stats.exhausted += 1;
             let nearest = &self.nearest;
-            // A ray that was leaving when its steps ran out has hit nothing, however close it came.
-            let hit = self.slope < 0.0 && nearest.value <= nearest.least;
+            // A ray that would not get there on the rest of its way has hit nothing, however close it came.
+            let arrives = -self.slope * (self.segment.length - self.here.at) >= self.here.value;
+            let hit = arrives && nearest.value <= nearest.least;
             return Break(hit.then_some(nearest.at));
         }
         self.steps += 1;

@@ -6,6 +6,7 @@
 
 mod builder;
 mod cells;
+mod closed;
 mod error;
 mod march;
 mod node;

@@ -2,12 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use wide::f32x8;
 
 use crate::math::Aabb;
 
 use super::cells::{Cells, EVERYWHERE};
+use super::closed::{ClosedForm, Ray};
 use super::error::{SdfError, require};
 use super::march::{March, MarchStats, ROUNDOFF, Segment};
 use super::packet;
@@ -55,6 +56,8 @@ pub struct Sdf {
     cells: Option<Cells>,
     bounds: Aabb,
     resolved: Resolved,
+    /// What rays are answered by, where there is one.
+    closed: Option<ClosedForm>,
 }
 
 impl Sdf {
@@ -89,7 +92,8 @@ impl Sdf {
         let margin = Vec3::splat(diagonal / 256.0);
         let bounds = Aabb { min: bounds.min - margin, max: bounds.max + margin };
         let cells = Cells::new(&tape, bounds);
-        Ok(Self { tape, cells, bounds, resolved })
+        let closed = ClosedForm::of(tape.ops());
+        Ok(Self { tape, cells, bounds, resolved, closed })
     }
 
     /// The box that rays are clipped to, in object space: a little larger than the object.
@@ -111,9 +115,17 @@ impl Sdf {
     ///
     /// `dir` need not have unit length. `footprint` is the half width of the ray's pixel cone per unit of distance
     /// (0 = unknown). A ray that starts inside is marched inside and hits where it comes out. A ray that starts on
-    /// the surface, or [`Sdf::offset`] away from it, does not hit the place that it leaves. Ends after at most
-    /// `max_steps` steps; non-finite rays miss.
+    /// the surface, or [`Sdf::offset`] away from it, does not hit the place that it leaves. Non-finite rays miss.
+    ///
+    /// Unblended spheres, boxes, planes, cylinders, capsules, cones and ellipsoids, and up to sixteen of them under
+    /// hard operators, are met by formula: exactly, whatever the settings. Everything else is marched, in at most
+    /// `max_steps` steps.
     pub fn intersect(&self, ray: &SdfRay, stats: &mut MarchStats) -> Option<f32> {
+        if let Some(closed) = &self.closed {
+            let (line, unit) = measured(ray)?;
+            let at = closed.first_hit(self, &line, stats)?;
+            return Some(((at / unit) as f32).clamp(ray.t_min, ray.t_max));
+        }
         let mut march = self.march(ray)?;
         let at = loop {
             let p = march.point();
@@ -134,26 +146,41 @@ impl Sdf {
         stats: &mut MarchStats,
         mut found: impl FnMut(N, f32),
     ) {
+        if self.closed.is_some() {
+            for (name, ray) in rays {
+                if let Some(t) = self.intersect(&ray, stats) {
+                    found(name, t);
+                }
+            }
+            return;
+        }
         let marches = rays.filter_map(|(name, ray)| {
             let march = self.march(&ray)?;
             Some(((name, ray.t_min, ray.t_max), march))
         });
-        packet::first_hits(self, marches, stats, |(name, t_min, t_max), t| found(name, t.clamp(t_min, t_max)));
+        packet::first_hits(self, marches, stats, |(name, t_min, t_max), t| {
+            found(name, t.clamp(t_min, t_max))
+        });
     }
 
     /// The march of a ray, unless it misses the bounds.
     fn march(&self, ray: &SdfRay) -> Option<March> {
-        let dir = ray.dir.as_dvec3();
-        let length = dir.length();
-        if !(length > 0.0 && length.is_finite() && ray.t_min <= ray.t_max) {
-            return None;
-        }
-        let from = f64::from(ray.t_min.max(0.0)) * length;
-        let to = f64::from(ray.t_max) * length;
-        let segment =
-            Segment::clip(self.bounds, ray.origin.as_dvec3(), dir * length.recip(), length, [from, to])?;
+        let (line, unit) = measured(ray)?;
+        let segment = Segment::clip(self.bounds, line.origin, line.dir, unit, [line.from, line.to])?;
         let epsilon = if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
         Some(March::new(segment, epsilon))
+    }
+
+    /// The same object without its closed form.
+    #[cfg(test)]
+    pub(super) fn marching(mut self) -> Self {
+        self.closed = None;
+        self
+    }
+
+    /// Whether rays are answered by formula.
+    pub fn is_closed(&self) -> bool {
+        self.closed.is_some()
     }
 
     /// Values at eight points; those of lanes that are not `wanted` (as bits) mean nothing.
@@ -228,17 +255,16 @@ impl Sdf {
             Some(h) => self.difference(p, h),
             None => self.near(p, Dual::place(p.as_dvec3())).gradient,
         };
-        // Where the gradient vanishes (between equal children, say) away from the middle is as good as any.
+        // The root of a square has no slope where it is 0, which may be on the surface, but a difference has.
+        let tiny = self.magnitude(p) / 67_108_864.0;
+        let normalized = gradient.try_normalize().or_else(|| self.difference(p, tiny).try_normalize());
+        // Where all of that vanishes (between equal children, say) away from the middle is as good as any.
         let middle = self.bounds.center();
-        gradient
-            .try_normalize()
-            .map(glam::DVec3::as_vec3)
-            .or_else(|| (p - middle).try_normalize())
-            .unwrap_or(Vec3::Y)
+        normalized.map(DVec3::as_vec3).or_else(|| (p - middle).try_normalize()).unwrap_or(Vec3::Y)
     }
 
     /// The direction of steepest rise between the corners of a tetrahedron around `p`, `h` away along each axis.
-    fn difference(&self, p: Vec3, h: f32) -> glam::DVec3 {
+    fn difference(&self, p: Vec3, h: f32) -> DVec3 {
         let corners = [[1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]];
         let values = if h >= self.magnitude(p) / 4096.0 {
             // Wide enough that rounding turns the normal by less than a thousandth.
@@ -293,6 +319,18 @@ pub struct SdfRay {
     pub t_max: f32,
     /// Half width of the pixel cone per unit of distance, 0 = unknown.
     pub footprint: f32,
+}
+
+/// A ray in f64 and in lengths of the object, and the length of a unit of its own direction; `None` for rays without a
+/// direction or without a part that counts.
+fn measured(ray: &SdfRay) -> Option<(Ray, f64)> {
+    let dir = ray.dir.as_dvec3();
+    let unit = dir.length();
+    if !(unit > 0.0 && unit.is_finite() && ray.t_min <= ray.t_max) {
+        return None;
+    }
+    let (from, to) = (f64::from(ray.t_min.max(0.0)) * unit, f64::from(ray.t_max) * unit);
+    Some((Ray { origin: ray.origin.as_dvec3(), dir: dir * unit.recip(), from, to }, unit))
 }
 
 fn resolve(settings: Settings, diagonal: f32) -> Result<Resolved, SdfError> {

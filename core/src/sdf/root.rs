@@ -91,7 +91,8 @@ mod tests {
     use std::ops::ControlFlow;
 
     fn solve(f: impl Fn(f32) -> f32, low: f32, high: f32) -> (f32, u32) {
-        let mut search = Search::new(End { at: low, value: f(low) }, End { at: high, value: f(high) }, 2.4e-7);
+        let mut search =
+            Search::new(End { at: low, value: f(low) }, End { at: high, value: f(high) }, 2.4e-7);
         let mut calls = 0;
         loop {
             match search.next() {
@@ -111,7 +112,9 @@ mod tests {
 
     #[test]
     fn halvings_are_counted() {
-        for (width, goal, count) in [(1.0, 1.0, 0), (1.0, 0.5, 1), (1.0, 0.49, 2), (1.0, 1e-30, 64), (0.0, 0.0, 0)] {
+        for (width, goal, count) in
+            [(1.0, 1.0, 0), (1.0, 0.5, 1), (1.0, 0.49, 2), (1.0, 1e-30, 64), (0.0, 0.0, 0)]
+        {
             assert_eq!(super::bisections(width, goal), count, "{width} to {goal}");
         }
         assert_eq!([0, 1, 24].map(super::pow2), [1.0, 2.0, 16_777_216.0]);

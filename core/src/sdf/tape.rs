@@ -46,6 +46,11 @@ impl Tape {
         Ok(Self { ops, depth, nodes, bounds: summary.bounds, reach: summary.reach, level: summary.level })
     }
 
+    /// The steps, in the order in which they are taken.
+    pub(super) fn ops(&self) -> &[Op] {
+        &self.ops
+    }
+
     /// Nodes of the tree that this tape was made from.
     pub fn nodes(&self) -> usize {
         self.nodes
@@ -95,11 +100,6 @@ impl Tape {
     /// nodes and radii of tori. With the coordinates it bounds the rounding error of a value.
     pub fn reach(&self) -> f32 {
         self.reach
-    }
-
-    /// The steps.
-    pub(super) fn ops(&self) -> &[Op] {
-        &self.ops
     }
 
     /// The value at a point in object space: a lower bound of the distance to the surface, negative inside.

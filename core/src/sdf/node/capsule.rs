@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::error::{A_LENGTH, LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -29,6 +30,18 @@ impl Capsule {
         // Beyond an end this is what is left of |y|, elsewhere 0.
         let along = (p.y.abs() - R::splat(self.half)).max(R::splat(0.0));
         Point::new(p.x, along, p.z).length() - R::splat(self.radius)
+    }
+
+    /// The piece of a line in the cylinder or in either ball: they are one convex solid.
+    #[inline]
+    pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
+        let (radius, half) = (f64::from(self.radius), f64::from(self.half));
+        let tube = line.in_tube(radius)?;
+        let side = line.between_caps(half).and_then(|caps| caps.common(tube));
+        [side, line.in_ball(half, radius), line.in_ball(-half, radius)]
+            .into_iter()
+            .flatten()
+            .reduce(Span::hull)
     }
 
     pub(in crate::sdf) fn bounds(self) -> Aabb {

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::error::{LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -41,6 +42,16 @@ impl Cuboid {
         let z = p.z.abs() - R::splat(self.half.z);
         let outside = Point::new(x.max(zero), y.max(zero), z.max(zero)).length();
         outside + x.max(y).max(z).min(zero)
+    }
+
+    /// The piece of a line between all three pairs of faces.
+    #[inline]
+    pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
+        let half = self.half.as_dvec3();
+        let x = Span::slab(line.foot.x, line.dir.x, half.x)?;
+        let y = Span::slab(line.foot.y, line.dir.y, half.y)?;
+        let z = Span::slab(line.foot.z, line.dir.z, half.z)?;
+        x.common(y)?.common(z)
     }
 
     pub(in crate::sdf) fn bounds(self) -> Aabb {

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::error::{A_LENGTH, LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -31,6 +32,12 @@ impl Cylinder {
         let along = p.y.abs() - R::splat(self.half);
         let (a, b) = (across.max(zero), along.max(zero));
         (a * a + b * b).sqrt() + across.max(along).min(zero)
+    }
+
+    /// The piece of a line in the endless cylinder and between the ends.
+    #[inline]
+    pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
+        line.between_caps(f64::from(self.half))?.common(line.in_tube(f64::from(self.radius))?)
     }
 
     pub(in crate::sdf) fn bounds(self) -> Aabb {

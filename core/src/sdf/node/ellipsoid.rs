@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::Cuboid;
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::error::{LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -35,6 +36,17 @@ impl Ellipsoid {
         let per = Point::splat(self.per_radius);
         let shrunk = Point::new(p.x * per.x, p.y * per.y, p.z * per.z).length() - R::splat(1.0);
         (R::splat(self.least) * shrunk).max(self.hull.distance(p))
+    }
+
+    /// The piece of a line that is in the unit ball when the axes are scaled to 1.
+    #[inline]
+    pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
+        let per = self.per_radius.as_dvec3();
+        let (foot, dir) = (line.foot * per, line.dir * per);
+        let square = dir.length_squared();
+        let middle = -foot.dot(dir) / square;
+        let gap = foot + dir * middle;
+        Span::around(middle, (1.0 - gap.length_squared()) / square)
     }
 
     pub(in crate::sdf) fn bounds(self) -> Aabb {

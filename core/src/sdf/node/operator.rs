@@ -45,6 +45,21 @@ impl Operator {
         }
     }
 
+    /// Whether the result is what the operands are at every place: in or out, without a blend.
+    pub(in crate::sdf) fn is_hard(self) -> bool {
+        matches!(self, Self::Union | Self::Intersection | Self::Difference)
+    }
+
+    /// Whether a place is in the result, from whether it is in the operands; blends are left out.
+    #[inline]
+    pub(in crate::sdf) fn holds(self, a: bool, b: bool) -> bool {
+        match self {
+            Self::Union | Self::SmoothUnion(_) => a || b,
+            Self::Intersection | Self::SmoothIntersection(_) => a && b,
+            Self::Difference | Self::SmoothDifference(_) => a && !b,
+        }
+    }
+
     /// Values of the operands up to which they matter for values of the result up to `margin`: where the result is at
     /// most `margin`, one operand of a union, and both of an intersection, are at most this.
     pub(in crate::sdf) fn margin(self, margin: f32) -> f32 {

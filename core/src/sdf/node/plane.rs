@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::real::{Point, Real};
 
 /// Everything below the plane `y = 0`: `f(p) = p.y`.
@@ -15,6 +16,17 @@ impl Plane {
     #[inline]
     pub(in crate::sdf) fn distance<R: Real>(p: Point<R>) -> R {
         p.y
+    }
+
+    /// The piece of a line below.
+    #[inline]
+    pub(in crate::sdf) fn span(line: &Line) -> Option<Span> {
+        let slope = line.dir.y;
+        if slope == 0.0 {
+            return (line.foot.y <= 0.0).then_some(Span::WHOLE);
+        }
+        let at = -line.foot.y / slope;
+        Some(if slope > 0.0 { Span { end: at, ..Span::WHOLE } } else { Span { start: at, ..Span::WHOLE } })
     }
 
     pub(in crate::sdf) fn bounds() -> Aabb {

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::math::Aabb;
+use crate::sdf::closed::{Line, Span};
 use crate::sdf::error::{A_LENGTH, LENGTHS, SdfError, require};
 use crate::sdf::real::{Point, Real};
 
@@ -24,6 +25,12 @@ impl Sphere {
     #[inline]
     pub(in crate::sdf) fn distance<R: Real>(self, p: Point<R>) -> R {
         p.length() - R::splat(self.radius)
+    }
+
+    /// The piece of a line inside.
+    #[inline]
+    pub(in crate::sdf) fn span(self, line: &Line) -> Option<Span> {
+        line.in_ball(0.0, f64::from(self.radius))
     }
 
     pub(in crate::sdf) fn bounds(self) -> Aabb {

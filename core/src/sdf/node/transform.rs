@@ -92,6 +92,12 @@ impl Placement {
         Point::new(row(self.rows[0]), row(self.rows[1]), row(self.rows[2]))
     }
 
+    /// The child's origin in the parent, and what turns and scales vectors of the parent into the child's.
+    pub(in crate::sdf) fn inwards(&self) -> (DVec3, DMat3) {
+        let [x, y, z] = self.rows.map(Vec3::as_dvec3);
+        (self.translate.as_dvec3(), DMat3::from_cols(x, y, z).transpose())
+    }
+
     /// Largest coordinate of the child's origin in the parent: what the subtraction in [`Self::enter`] can cancel.
     pub(in crate::sdf) fn reach(&self) -> f32 {
         self.translate.abs().max_element()

@@ -76,7 +76,8 @@ impl Lattice for f32x8 {
 
     #[inline]
     fn cell(corner: Point<Self>, key: u32) -> [u32x8; 3] {
-        let [x, y, z] = [corner.x, corner.y, corner.z].map(|at| bytemuck::cast::<i32x8, u32x8>(at.trunc_int()));
+        let [x, y, z] =
+            [corner.x, corner.y, corner.z].map(|at| bytemuck::cast::<i32x8, u32x8>(at.trunc_int()));
         let [a, b, c] = noise::STRIDES.map(u32x8::splat);
         [x * a + u32x8::splat(key), y * b, z * c]
     }

@@ -53,10 +53,18 @@ fn pieces_are_hit_where_the_whole_is() {
         let (mut hits, mut of_pieces, mut of_whole) = (0, MarchStats::default(), MarchStats::default());
         for ray in picture(&sdf, 40, 40) {
             let found = sdf.intersect(&ray, &mut of_pieces);
-            assert_eq!(found.map(f32::to_bits), whole.intersect(&ray, &mut of_whole).map(f32::to_bits), "{ray:?}");
+            assert_eq!(
+                found.map(f32::to_bits),
+                whole.intersect(&ray, &mut of_whole).map(f32::to_bits),
+                "{ray:?}"
+            );
             if let Some(t) = found {
                 let p = ray.origin + ray.dir * t;
-                assert_eq!((sdf.normal(p, 0.0), sdf.offset(p)), (whole.normal(p, 0.0), whole.offset(p)), "{p}");
+                assert_eq!(
+                    (sdf.normal(p, 0.0), sdf.offset(p)),
+                    (whole.normal(p, 0.0), whole.offset(p)),
+                    "{p}"
+                );
                 hits += 1;
             }
         }
@@ -101,7 +109,10 @@ fn what_cells_gain() {
         println!(
             "{count} solids, k {k}: {cells} cells of {steps:.1} steps, made in {:.1} ms; {:.2} and {:.2} million \
              evaluations per second: {:.1} times",
-            made * 1e3, rate[0], rate[1], rate[1] / rate[0]
+            made * 1e3,
+            rate[0],
+            rate[1],
+            rate[1] / rate[0]
         );
     }
 }

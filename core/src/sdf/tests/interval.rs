@@ -29,7 +29,11 @@ impl Interval {
     }
 
     fn out(low: f64, high: f64) -> Self {
-        if low.is_nan() || high.is_nan() { Self::ALL } else { Self { low: low.next_down(), high: high.next_up() } }
+        if low.is_nan() || high.is_nan() {
+            Self::ALL
+        } else {
+            Self { low: low.next_down(), high: high.next_up() }
+        }
     }
 
     /// Of a function of libm that rises.
@@ -49,7 +53,11 @@ impl Interval {
         let (first, last) = ((self.low / pi - 1e-12).ceil(), (self.high / pi + 1e-12).floor());
         let mut k = first;
         while k <= last {
-            if k.rem_euclid(2.0) == 0.0 { found.high = 1.0 } else { found.low = -1.0 }
+            if k.rem_euclid(2.0) == 0.0 {
+                found.high = 1.0
+            } else {
+                found.low = -1.0
+            }
             k += 1.0;
         }
         found
@@ -84,16 +92,15 @@ impl Neg for Interval {
 impl Mul for Interval {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        let products = [
-            self.low * other.low,
-            self.low * other.high,
-            self.high * other.low,
-            self.high * other.high,
-        ];
+        let products =
+            [self.low * other.low, self.low * other.high, self.high * other.low, self.high * other.high];
         if products.iter().any(|p| p.is_nan()) {
             return Self::ALL;
         }
-        Self::out(products.into_iter().fold(f64::INFINITY, f64::min), products.into_iter().fold(f64::NEG_INFINITY, f64::max))
+        Self::out(
+            products.into_iter().fold(f64::INFINITY, f64::min),
+            products.into_iter().fold(f64::NEG_INFINITY, f64::max),
+        )
     }
 }
 

@@ -173,7 +173,11 @@ fn rays_in_company_hit_what_they_hit_alone() {
         let mut hits = vec![None; rays.len()];
         sdf.intersect_all(rays.iter().copied().enumerate(), &mut together, |i, t| hits[i] = Some(t));
         for (ray, hit) in rays.iter().zip(&hits) {
-            assert_eq!(sdf.intersect(ray, &mut alone).map(f32::to_bits), hit.map(f32::to_bits), "{name}: {ray:?}");
+            assert_eq!(
+                sdf.intersect(ray, &mut alone).map(f32::to_bits),
+                hit.map(f32::to_bits),
+                "{name}: {ray:?}"
+            );
         }
         assert_eq!(alone, together, "{name}");
         assert!(hits.iter().flatten().count() > 200, "{name}: a test that hits nothing shows nothing");
@@ -225,7 +229,10 @@ fn what_lanes_gain() {
         let rate = best.map(|seconds| evaluations as f64 / seconds * 1e-6);
         println!(
             "{name:>12}: {:.1} evaluations per ray; {:.2} and {:.2} million evaluations per second: {:.2} times",
-            evaluations as f64 / rays.len() as f64, rate[0], rate[1], rate[1] / rate[0]
+            evaluations as f64 / rays.len() as f64,
+            rate[0],
+            rate[1],
+            rate[1] / rate[0]
         );
     }
 }

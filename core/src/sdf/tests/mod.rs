@@ -2,6 +2,9 @@
 
 mod accuracy;
 mod cells;
+mod closed;
+mod closed_seams;
+mod closed_time;
 mod hostile;
 mod interval;
 mod lanes;

@@ -38,9 +38,13 @@ fn false_hits(sdf: &Sdf, count: usize) -> usize {
 #[test]
 fn leaving_a_convex_surface_hits_nothing() {
     for radius in [1e-3_f32, 1e-2, 1.0, 30.0, 1e3] {
-        assert_eq!(false_hits(&object(|t| t.sphere(radius)), 4000), 0, "sphere of radius {radius}");
         assert_eq!(
-            false_hits(&object(|t| t.cuboid(Vec3::new(2.0, 1.0, 3.0) * radius)), 4000),
+            false_hits(&object(|t| t.sphere(radius)).marching(), 4000),
+            0,
+            "sphere of radius {radius}"
+        );
+        assert_eq!(
+            false_hits(&object(|t| t.cuboid(Vec3::new(2.0, 1.0, 3.0) * radius)).marching(), 4000),
             0,
             "box {radius}"
         );
@@ -48,7 +52,7 @@ fn leaving_a_convex_surface_hits_nothing() {
             let ball = t.sphere(radius);
             t.transform(ball, Vec3::new(100.0, 50.0, 0.0) * radius, glam::Mat3::IDENTITY, 1.0)
         });
-        assert_eq!(false_hits(&offset_ball, 4000), 0, "moved sphere of radius {radius}");
+        assert_eq!(false_hits(&offset_ball.marching(), 4000), 0, "moved sphere of radius {radius}");
     }
 }
 
@@ -56,7 +60,7 @@ fn leaving_a_convex_surface_hits_nothing() {
 fn leaving_inwards_comes_out_at_the_far_side() {
     let mut random = Random(17);
     for radius in [1e-3_f32, 1.0, 1e3] {
-        let sdf = object(|t| t.sphere(radius));
+        let sdf = object(|t| t.sphere(radius)).marching();
         for p in surface_points(&sdf, 2000) {
             let n = sdf.normal(p, 0.0);
             let w = random.direction();
@@ -109,6 +113,24 @@ fn normals_are_exact_on_smooth_objects() {
         let want = (p - ring).normalize();
         let cross = sdf.normal(p, 0.0).cross(want).length();
         assert!(cross < 3e-6, "{p}: {cross}");
+    }
+}
+
+#[test]
+fn normals_of_cones_are_perpendicular_to_the_slant() {
+    // The slant of the one falls by 1.5 per unit outwards, that of the other rises by 1 / 0.6.
+    for (bottom, top, height, slope) in [(1.0_f32, 0.0, 1.5, 1.0 / 1.5), (0.4, 1.0, 1.0, -0.6)] {
+        for sdf in
+            [object(|t| t.cone(bottom, top, height)), object(|t| t.cone(bottom, top, height)).marching()]
+        {
+            for p in surface_points(&sdf, 2000) {
+                if p.y.abs() < 0.49 * height {
+                    let want = Vec3::new(p.x, Vec3::new(p.x, 0.0, p.z).length() * slope, p.z).normalize();
+                    let cross = sdf.normal(p, 0.0) - want;
+                    assert!(cross.length() < 1e-5, "{p}: {cross}");
+                }
+            }
+        }
     }
 }
 
