@@ -47,6 +47,6 @@ pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut C
         stages::shade(scene, bounce, paths);
         stages::shadow(scene, paths, counters);
     }
-    counters.sdf_evaluations += std::mem::take(&mut paths.march.evaluations);
-    counters.exhausted_rays += std::mem::take(&mut paths.march.exhausted);
+    counters.sdf_evaluations += std::mem::take(&mut paths.marching.stats.evaluations);
+    counters.exhausted_rays += std::mem::take(&mut paths.marching.stats.exhausted);
 }

@@ -3,8 +3,7 @@
 use crate::light::Receiver;
 use crate::math::Ray;
 use crate::sampler::{Replicate, Sampler, Stream};
-use crate::scene::{Hit, Surface, Waiting};
-use crate::sdf::MarchStats;
+use crate::scene::{Hit, Marching, Surface};
 use glam::Vec3;
 
 /// The auxiliary layers of one sample.
@@ -60,8 +59,7 @@ pub struct Paths {
     pub(super) shadows: Vec<ShadowRay>,
     /// Whether something is in the way of each shadow ray.
     pub(super) blocked: Vec<bool>,
-    pub(super) waiting: Waiting,
-    pub(super) march: MarchStats,
+    pub(super) marching: Marching,
 }
 
 impl Paths {

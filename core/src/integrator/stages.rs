@@ -31,8 +31,8 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     counters.rays += paths.active.len() as u64;
     // Only camera rays have a footprint; scattered rays take the marcher's own resolution.
     let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
-    let Paths { rays, active, hits, waiting, march, .. } = paths;
-    scene.intersect_all(rays, active, spread, hits, waiting, march);
+    let Paths { rays, active, hits, marching, .. } = paths;
+    scene.intersect_all(rays, active, spread, hits, marching);
     if scene.has_holes() {
         for at in 0..paths.active.len() {
             let path = paths.active[at] as usize;
@@ -66,10 +66,10 @@ fn cross(
         }
         paths.crossed[path] += found?.t;
         paths.rays[path].o = offset_origin(surface.p, surface.error, surface.ng, ray.d);
-        found = scene.intersect(&paths.rays[path], spread, &mut paths.march);
+        found = scene.intersect(&paths.rays[path], spread, &mut paths.marching.stats);
     }
     // Dark, as for shadow rays: what is behind so many surfaces is not the sky.
-    paths.march.exhausted += 1;
+    paths.marching.stats.exhausted += 1;
     paths.beta[path] = Vec3::ZERO;
     None
 }
@@ -245,10 +245,10 @@ fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, b
 /// Traces the queued shadow rays and adds what arrives.
 pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
     counters.shadow_rays += paths.shadows.len() as u64;
-    let Paths { shadows, blocked, waiting, march, radiance, .. } = paths;
-    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, waiting, march);
+    let Paths { shadows, blocked, marching, radiance, .. } = paths;
+    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, marching);
     for (shadow, _) in shadows.iter().zip(blocked).filter(|(_, blocked)| !**blocked) {
-        let through = scene.transmittance(&shadow.ray, march);
+        let through = scene.transmittance(&shadow.ray, &mut marching.stats);
         radiance[shadow.path as usize] += shadow.contribution * through;
     }
 }

@@ -6,9 +6,17 @@ use crate::bvh::RayBoxes;
 use crate::math::Ray;
 use crate::sdf::MarchStats;
 
-/// Rays and the objects made of distance functions whose boxes they enter; kept from batch to batch for its memory.
+/// What marching many rays needs, kept from batch to batch for its memory, and what it counts.
 #[derive(Debug, Default)]
-pub struct Waiting {
+pub struct Marching {
+    waiting: Waiting,
+    /// What was counted so far.
+    pub stats: MarchStats,
+}
+
+/// Rays and the objects made of distance functions whose boxes they enter.
+#[derive(Debug, Default)]
+struct Waiting {
     /// Objects, those of a ray together, nearer boxes first.
     objects: Vec<u32>,
     /// Rays that have objects left, and which.
@@ -68,9 +76,9 @@ impl Scene {
         active: &[u32],
         spread: f32,
         hits: &mut [Option<Hit>],
-        waiting: &mut Waiting,
-        stats: &mut MarchStats,
+        marching: &mut Marching,
     ) {
+        let Marching { waiting, stats } = marching;
         waiting.clear();
         for &ray in active {
             let first = waiting.objects.len();
@@ -85,18 +93,15 @@ impl Scene {
         }
         while waiting.next_turn(|_| true) {
             for (number, group) in waiting.groups() {
-                let object = &self.objects[number as usize];
                 let within = |&(_, ray): &(u32, u32)| {
                     let t_max = hits[ray as usize].map_or(rays[ray as usize].t_max, |hit| hit.t);
                     (ray, Ray { t_max, ..rays[ray as usize] })
                 };
                 let wave: Vec<_> = group.iter().map(within).collect();
-                object.march_all(&wave, spread, stats, |ray, t| {
+                self.objects[number as usize].march_all(&wave, spread, stats, |ray, t| {
                     let hit = Hit { t, object: number, primitive: 0, barycentric: [0.0; 2] };
                     let best = &mut hits[ray as usize];
-                    if best.is_none_or(|best| hit.is_before(&best)) {
-                        *best = Some(hit);
-                    }
+                    *best = Some(best.filter(|best| !hit.is_before(best)).unwrap_or(hit));
                 });
             }
         }
@@ -107,28 +112,15 @@ impl Scene {
         &self,
         rays: impl Iterator<Item = Ray>,
         blocked: &mut Vec<bool>,
-        waiting: &mut Waiting,
-        stats: &mut MarchStats,
+        marching: &mut Marching,
     ) {
+        let Marching { waiting, stats } = marching;
         blocked.clear();
         waiting.clear();
-        let list: Vec<Ray> = rays.collect();
-        for (number, ray) in list.iter().enumerate() {
+        let rays: Vec<Ray> = rays.collect();
+        for (number, ray) in rays.iter().enumerate() {
             let first = waiting.objects.len();
-            let mut t_max = ray.t_max;
-            let stopped = self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |start, count, _| {
-                self.tree.slots()[start as usize..(start + count) as usize].iter().any(|&slot| {
-                    let object = &self.objects[slot as usize];
-                    if object.holes {
-                        return false;
-                    }
-                    if object.distance_function().is_some() {
-                        waiting.objects.push(slot);
-                        return false;
-                    }
-                    object.occluded(ray, stats)
-                })
-            });
+            let stopped = self.stops(ray, waiting, stats);
             if stopped {
                 waiting.objects.truncate(first);
             }
@@ -137,10 +129,27 @@ impl Scene {
         }
         while waiting.next_turn(|ray| !blocked[ray as usize]) {
             for (number, group) in waiting.groups() {
-                let wave: Vec<_> = group.iter().map(|&(_, ray)| (ray, list[ray as usize])).collect();
+                let wave: Vec<_> = group.iter().map(|&(_, ray)| (ray, rays[ray as usize])).collect();
                 let object = &self.objects[number as usize];
                 object.march_all(&wave, 0.0, stats, |ray, _| blocked[ray as usize] = true);
             }
         }
+    }
+
+    /// Whether something that needs no march stops a ray; what needs one is noted.
+    fn stops(&self, ray: &Ray, waiting: &mut Waiting, stats: &mut MarchStats) -> bool {
+        let mut t_max = ray.t_max;
+        self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, _| {
+            let slots = &self.tree.slots()[first as usize..(first + count) as usize];
+            let mut whole = slots.iter().filter(|&&slot| !self.objects[slot as usize].holes);
+            whole.any(|&slot| {
+                let object = &self.objects[slot as usize];
+                let marched = object.distance_function().is_some();
+                if marched {
+                    waiting.objects.push(slot);
+                }
+                !marched && object.occluded(ray, stats)
+            })
+        })
     }
 }

@@ -13,7 +13,7 @@ mod tape;
 
 pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};
-pub use batch::Waiting;
+pub use batch::Marching;
 pub use compiled::{Scene, Strategy};
 pub use document::{
     AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Film, Filter,

@@ -159,7 +159,7 @@ impl Sdf {
             Some(((name, ray.t_min, ray.t_max), march))
         });
         packet::first_hits(self, marches, stats, |(name, t_min, t_max), t| {
-            found(name, t.clamp(t_min, t_max))
+            found(name, t.clamp(t_min, t_max));
         });
     }
 
@@ -171,9 +171,10 @@ impl Sdf {
         Some(March::new(segment, epsilon))
     }
 
-    /// The same object without its closed form.
-    #[cfg(test)]
-    pub(super) fn marching(mut self) -> Self {
+    /// The same without its closed form, for comparison.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn marching(mut self) -> Self {
         self.closed = None;
         self
     }
@@ -227,8 +228,9 @@ impl Sdf {
     }
 
     /// The same without cells, for comparison.
-    #[cfg(test)]
-    pub(super) fn without_cells(mut self) -> Self {
+    #[doc(hidden)]
+    #[must_use]
+    pub fn without_cells(mut self) -> Self {
         self.cells = None;
         self
     }

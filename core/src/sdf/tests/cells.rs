@@ -82,37 +82,3 @@ fn ten_thousand_solids_in_one_place_take_no_longer_than_the_budget() {
     let (_, steps) = sdf.cells().expect("many");
     assert!(steps > 10_000.0, "nothing can be left out of {steps}");
 }
-
-/// Prints what cells gain. Run it alone: `cargo test --release -p karst-core --lib what_cells_gain -- --ignored
-/// --nocapture`.
-#[test]
-#[ignore = "a measurement"]
-fn what_cells_gain() {
-    for (count, k) in [(10, 0.0), (50, 0.05), (100, 0.05), (500, 0.0), (500, 0.02), (5000, 0.01)] {
-        let start = std::time::Instant::now();
-        let sdf = heap(count, k);
-        let made = start.elapsed().as_secs_f64();
-        let whole = sdf.clone().without_cells();
-        let rays = picture(&sdf, 128, 64);
-        let mut best = [f64::INFINITY; 2];
-        let mut stats = MarchStats::default();
-        for _ in 0..3 {
-            for (best, sdf) in best.iter_mut().zip([&whole, &sdf]) {
-                stats = MarchStats::default();
-                let start = std::time::Instant::now();
-                sdf.intersect_all(rays.iter().copied().enumerate(), &mut stats, |_, _| {});
-                *best = best.min(start.elapsed().as_secs_f64());
-            }
-        }
-        let rate = best.map(|seconds| stats.evaluations as f64 / seconds * 1e-6);
-        let (cells, steps) = sdf.cells().unwrap_or_default();
-        println!(
-            "{count} solids, k {k}: {cells} cells of {steps:.1} steps, made in {:.1} ms; {:.2} and {:.2} million \
-             evaluations per second: {:.1} times",
-            made * 1e3,
-            rate[0],
-            rate[1],
-            rate[1] / rate[0]
-        );
-    }
-}

@@ -1,5 +1,6 @@
 //! Owns intervals with outward rounding: a [`Real`] whose answers hold for every place of a box, proven.
 
+use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::sdf::noise;
@@ -44,19 +45,18 @@ impl Interval {
 
     /// The cosine, by where its extremes are: at multiples of π, where the error of π is far below what is added.
     fn cosine(self) -> Self {
-        let pi = std::f64::consts::PI;
-        if self.high - self.low >= 2.0 * pi || !self.low.is_finite() || !self.high.is_finite() {
+        if self.high - self.low >= 2.0 * PI || !self.low.is_finite() || !self.high.is_finite() {
             return Self::new(-1.0, 1.0);
         }
         let (a, b) = (libm::cos(self.low), libm::cos(self.high));
         let mut found = Self::new(a.min(b) - 1e-15, a.max(b) + 1e-15);
-        let (first, last) = ((self.low / pi - 1e-12).ceil(), (self.high / pi + 1e-12).floor());
+        let (first, last) = ((self.low / PI - 1e-12).ceil(), (self.high / PI + 1e-12).floor());
         let mut k = first;
         while k <= last {
             if k.rem_euclid(2.0) == 0.0 {
-                found.high = 1.0
+                found.high = 1.0;
             } else {
-                found.low = -1.0
+                found.low = -1.0;
             }
             k += 1.0;
         }
@@ -140,13 +140,14 @@ impl Real for Interval {
         self.rising(|x| libm::log(x.max(0.0)))
     }
     fn sin_cos(self) -> (Self, Self) {
-        ((self - Self::new(1.570_796_326_794_896_5, 1.570_796_326_794_896_7)).cosine(), self.cosine())
+        let quarter = 0.5 * PI;
+        ((self - Self::new(quarter.next_down(), quarter.next_up())).cosine(), self.cosine())
     }
     fn acos(self) -> Self {
-        Self::new(0.0, 3.141_592_653_589_794)
+        Self::new(0.0, PI.next_up())
     }
     fn atan2(self, _: Self) -> Self {
-        Self::new(-3.141_592_653_589_794, 3.141_592_653_589_794)
+        Self::new(PI.next_up().neg(), PI.next_up())
     }
     fn powf(self, exponent: f32) -> Self {
         self.rising(|x| libm::pow(x.max(0.0), f64::from(exponent)))

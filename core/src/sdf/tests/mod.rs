@@ -4,7 +4,6 @@ mod accuracy;
 mod cells;
 mod closed;
 mod closed_seams;
-mod closed_time;
 mod hostile;
 mod interval;
 mod lanes;

@@ -309,9 +309,9 @@ fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
             (Proof::Hit(exactly), None) => {
                 let least = 2e-4 * exactly;
                 if chord(sdf, origin, dir, exactly, least) < least {
-                    record.thin += 1
+                    record.thin += 1;
                 } else {
-                    record.mismatches += 1
+                    record.mismatches += 1;
                 }
             }
             (Proof::Miss, Some(t)) => {
@@ -381,7 +381,7 @@ fn intervals_hold_what_is_in_them() {
         for _ in 0..200 {
             let middle = sdf.bounds().center().as_dvec3()
                 + random.direction().as_dvec3() * reach * f64::from(random.next());
-            let size = reach * 10.0_f64.powf(f64::from(random.within(-6.0, 0.0)));
+            let size = reach * libm::exp10(f64::from(random.within(-6.0, 0.0)));
             let side = |axis: usize| Interval::new(middle[axis] - size, middle[axis] + size);
             let value: Interval = sdf.tape().distance(Point::new(side(0), side(1), side(2)));
             for _ in 0..20 {
