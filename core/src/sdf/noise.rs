@@ -168,8 +168,8 @@ pub(super) fn gradient_noise<R: Lattice>(place: Point<R>, key: u32) -> R {
 /// The gradient in a corner times the way from there; `along` is the way from the lower and the upper corner by axis.
 #[inline]
 fn dot<R: Lattice, const X: usize, const Y: usize, const Z: usize>(cell: R::Cell, along: [[R; 2]; 3]) -> R {
-    let g = R::corner(cell, [X as u32, Y as u32, Z as u32]);
-    g.x * along[0][X] + g.y * along[1][Y] + g.z * along[2][Z]
+    let way = Point::new(along[0][X], along[1][Y], along[2][Z]);
+    R::corner(cell, [X as u32, Y as u32, Z as u32], way)
 }
 
 /// From 0 to 1 with no slope and no curvature at the ends.
@@ -184,17 +184,22 @@ const FARTHEST: f32 = 8_388_608.0;
 /// Odd factors of the three numbers of a cell, whose products together make the hash of the cell.
 pub(super) const STRIDES: [u32; 3] = [0x85eb_ca6b, 0xc2b2_ae35, 0x27d4_eb2f];
 
-/// The gradient that a hash stands for: one of the twelve edges of a cube, all as likely to within 2⁻¹⁵. Their mean is
-/// zero.
+/// A third of the hashes are below minus this, as signed numbers, and a third above this.
+pub(super) const THIRD: i32 = 715_827_882;
+
+/// A way times the gradient that a hash stands for: one of the twelve edges of a cube, all as likely to within 2⁻³⁰.
+/// Their mean is zero.
 #[inline]
-pub(super) fn gradient(bits: u32) -> [f32; 3] {
-    let [first, second] = [bits, bits << 1].map(|bits| if bits >> 31 == 0 { 1.0 } else { -1.0 });
-    // Two bytes of the hash times three: which axis has no part in it.
-    match ((bits & 0xffff) * 3) >> 16 {
-        0 => [0.0, first, second],
-        1 => [first, 0.0, second],
-        _ => [first, second, 0.0],
-    }
+pub(super) fn edge<R: Real>(bits: u32, way: Point<R>) -> R {
+    // The axis that has no part in it by the size of the hash, and two signs by its lowest bits.
+    let signed = bits.cast_signed();
+    let (first, second) = match signed {
+        _ if signed < -THIRD => (way.y, way.z),
+        _ if signed > THIRD => (way.x, way.y),
+        _ => (way.x, way.z),
+    };
+    let turned = |part: R, bit: u32| if bits >> bit & 1 == 0 { part } else { -part };
+    turned(first, 0) + turned(second, 1)
 }
 
 /// Factors of [`mix`].

@@ -133,8 +133,9 @@ impl Lattice for Dual {
     fn cell(corner: Point<Self>, key: u32) -> Self::Cell {
         f64::cell(Point::new(corner.x.value, corner.y.value, corner.z.value), key)
     }
-    fn corner(cell: Self::Cell, step: [u32; 3]) -> Point<Self> {
-        let g: Point<f64> = f64::corner(cell, step);
-        Point::new(Self::constant(g.x), Self::constant(g.y), Self::constant(g.z))
+    fn corner(cell: Self::Cell, step: [u32; 3], way: Point<Self>) -> Self {
+        let along = |axis: DVec3| f64::corner(cell, step, Point::new(axis.x, axis.y, axis.z));
+        let [x, y, z] = DVec3::AXES.map(along).map(Self::constant);
+        x * way.x + y * way.y + z * way.z
     }
 }

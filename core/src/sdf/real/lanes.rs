@@ -83,35 +83,33 @@ impl Lattice for f32x8 {
     }
 
     #[inline]
-    fn corner(cell: [u32x8; 3], step: [u32; 3]) -> Point<Self> {
+    fn corner(cell: [u32x8; 3], step: [u32; 3], way: Point<Self>) -> Self {
         let [x, y, z]: [u32x8; 3] = std::array::from_fn(|axis| {
             cell[axis] + u32x8::splat(step[axis].wrapping_mul(noise::STRIDES[axis]))
         });
-        gradient(noise_bits(x ^ y ^ z))
+        edge(mix(x ^ y ^ z), way)
     }
 }
 
 /// [`noise::mix`] of every lane.
 #[inline]
-fn noise_bits(bits: u32x8) -> u32x8 {
+fn mix(bits: u32x8) -> u32x8 {
     let [first, second] = noise::FACTORS.map(u32x8::splat);
     let bits = (bits ^ (bits >> 16)) * first;
     let bits = (bits ^ (bits >> 15)) * second;
     bits ^ (bits >> 15)
 }
 
-/// [`noise::gradient`] of every lane.
+/// [`noise::edge`] of every lane.
 #[inline]
-fn gradient(bits: u32x8) -> Point<f32x8> {
+fn edge(bits: u32x8, way: Point<f32x8>) -> f32x8 {
+    let signed: i32x8 = bytemuck::cast(bits);
+    let (no_x, no_z) =
+        (signed.simd_lt(i32x8::splat(-noise::THIRD)), signed.simd_gt(i32x8::splat(noise::THIRD)));
+    let first = bytemuck::cast::<i32x8, f32x8>(no_x).select(way.y, way.x);
+    let second = bytemuck::cast::<i32x8, f32x8>(no_z).select(way.y, way.z);
     let sign = u32x8::splat(1 << 31);
-    let one = u32x8::splat(1.0_f32.to_bits());
-    let first = (bits & sign) | one;
-    let second = ((bits << 1) & sign) | one;
-    // Two bytes of the hash times three: which axis has no part in it.
-    let axis: u32x8 = ((bits & u32x8::splat(0xffff)) * u32x8::splat(3)) >> 16;
-    let [no_x, no_y, no_z]: [u32x8; 3] =
-        std::array::from_fn(|number| axis.simd_eq(u32x8::splat(number as u32)));
-    let (x, z) = (!no_x & first, !no_z & second);
-    let y = !no_y & no_x.select(first, second);
-    Point::new(bytemuck::cast(x), bytemuck::cast(y), bytemuck::cast(z))
+    let (first_sign, second_sign) = (bits << 31, (bits << 30) & sign);
+    (first ^ bytemuck::cast::<u32x8, f32x8>(first_sign))
+        + (second ^ bytemuck::cast::<u32x8, f32x8>(second_sign))
 }

@@ -76,8 +76,8 @@ pub(super) trait Lattice: Real {
 
     /// The cell with the given whole numbers, of magnitude 2²³ or less; `key` is that of the octave.
     fn cell(corner: Point<Self>, key: u32) -> Self::Cell;
-    /// The gradient in the corner of a cell that is `step` away from its lowest.
-    fn corner(cell: Self::Cell, step: [u32; 3]) -> Point<Self>;
+    /// The gradient in the corner of a cell that is `step` away from its lowest, times the way from that corner.
+    fn corner(cell: Self::Cell, step: [u32; 3], way: Point<Self>) -> Self;
 }
 
 /// A point or vector of any [`Real`].

@@ -1,6 +1,5 @@
 //! Owns single numbers: f32, with the elementary functions of the lanes, and f64 for what must be more exact.
 
-use glam::Vec3;
 use wide::f32x8;
 
 use super::{Lattice, Point, Real};
@@ -63,11 +62,11 @@ macro_rules! lattice {
                 [x.wrapping_mul(a).wrapping_add(key), y.wrapping_mul(b), z.wrapping_mul(c)]
             }
             #[inline]
-            fn corner(cell: [u32; 3], step: [u32; 3]) -> Point<Self> {
+            fn corner(cell: [u32; 3], step: [u32; 3], way: Point<Self>) -> Self {
                 let [x, y, z]: [u32; 3] = std::array::from_fn(|axis| {
                     cell[axis].wrapping_add(step[axis].wrapping_mul(noise::STRIDES[axis]))
                 });
-                Point::splat(Vec3::from_array(noise::gradient(noise::mix(x ^ y ^ z))))
+                noise::edge(noise::mix(x ^ y ^ z), way)
             }
         }
     };
