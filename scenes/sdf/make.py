@@ -25,16 +25,17 @@ PALETTE = {
     "teal": {"type": "principled_bsdf", "base_color": [0.09, 0.36, 0.36], "roughness": 0.45},
     "ink": {"type": "principled_bsdf", "base_color": [0.1, 0.17, 0.42], "roughness": 0.4},
     "bone": {"type": "principled_bsdf", "base_color": [0.72, 0.66, 0.55], "roughness": 0.55},
-    "brass": {"type": "principled_bsdf", "base_color": [0.85, 0.62, 0.28], "metallic": 1, "roughness": 0.25},
+    "brass": {"type": "principled_bsdf", "base_color": [0.85, 0.62, 0.28], "metallic": 1, "roughness": 0.35},
     "steel": {"type": "principled_bsdf", "base_color": [0.62, 0.64, 0.67], "metallic": 1, "roughness": 0.35},
     "glass": {"type": "dielectric", "ior": 1.5, "specular_transmittance": [0.93, 0.98, 0.97]},
 }
+SUN = {"type": "sun", "direction": [1, -1, -0.9], "irradiance": [2.3, 2.1, 1.8], "angular_size": 6}
 
 
-def scene(objects, eye=(3.1, 2.3, 5.2), target=(0, 0.92, 0), vfov=25, cove=True, sky=(0.22, 0.25, 0.3), key=(-3.5, 5.5, 3.5),
-          depth=8):
-    """A document: `objects` by name on the stage, or without its cove."""
-    used = {"paper", *(thing["material"] for thing in objects.values())}
+def scene(objects, eye=(3.1, 2.3, 5.2), target=(0, 0.92, 0), vfov=25, cove=True, sky=(0.22, 0.25, 0.3),
+          key=(-3.8, 5.5, 3.5), sun=False, depth=8):
+    """A document: `objects` by name on the stage; or without its cove, or with a sun in place of the lamp."""
+    used = {*([] if sun else ["paper"]), *(thing["material"] for thing in objects.values())}
     stage = {"meshes": {"cove": {"file": "cove.obj"}}, "instances": {"cove": {"mesh": "cove", "material": "paper"}}}
     return {
         "version": 1,
@@ -45,9 +46,10 @@ def scene(objects, eye=(3.1, 2.3, 5.2), target=(0, 0.92, 0), vfov=25, cove=True,
         "integrator": {"max_depth": depth},
         "materials": {name: material for name, material in PALETTE.items() if name in used},
         **(stage if cove else {}),
-        "spheres": {"key": {"center": list(key), "radius": 1.4, "material": "paper", "emission": [24, 22, 19]}},
+        **({} if sun else {"spheres": {"key": {"center": list(key), "radius": 1.8, "material": "paper",
+                                               "emission": [15, 13.6, 11.8]}}}),
         "sdf_objects": objects,
-        "lights": {"sky": {"type": "environment", "radiance": list(sky)}},
+        "lights": {"sky": {"type": "environment", "radiance": list(sky)}, **({"sun": SUN} if sun else {})},
     }
 
 
@@ -103,16 +105,19 @@ def placed(material, tree, translate=None, rotate=None, scale=None, **more):
 
 def primitives():
     """A scene for every node without children."""
-    cone = {"tip": placed("clay", node("cone", radius=0.7, height=1.9), [-0.35, 0.95, 0]),
-            "frustum": placed("clay", node("cone", radius=0.45, top_radius=0.22, height=0.8), [0.75, 0.4, 0.75])}
-    sea = {"sea": placed("teal", node("plane"), bounds={"min": [-400, -1, -400], "max": [400, 1, 20]}),
-           "buoy": placed("brass", sphere(0.9), [0, 0.5, 0])}
+    cone = {"tip": placed("clay", node("cone", radius=0.7, height=1.9), [-0.35, 0.95, -0.3]),
+            "frustum": placed("clay", node("cone", radius=0.45, top_radius=0.22, height=0.8), [0.65, 0.4, 0.35])}
+    horizon = {"ground": placed("paper", node("plane"), bounds={"min": [-400, -1, -400], "max": [400, 1, 20]}),
+               "near": placed("clay", sphere(0.6), [0.5, 0.6, 0.6]),
+               "middle": placed("teal", sphere(0.6), [-2.1, 0.6, -2]),
+               "far": placed("ink", sphere(0.6), [-3.6, 0.6, -9])}
     return {
         "sphere": scene({"sphere": placed("clay", sphere(1), [0, 1, 0])}),
         "box": scene({"box": placed("teal", box(1.5, 1.5, 1.5), [0, 0.75, 0], [0, 18, 0])}),
         "rounded_box": scene({"rounded_box": placed("glass", node("rounded_box", size=[1.5, 1.5, 1.5], radius=0.25),
                                                     [0, 0.75, 0], [0, 18, 0])}, depth=16),
-        "plane": scene(sea, cove=False, sky=(0.5, 0.6, 0.75), eye=(3.1, 1.5, 5.2), target=(0, 0.75, 0), vfov=32),
+        "plane": scene(horizon, cove=False, sun=True, sky=(0.34, 0.41, 0.52), eye=(3.1, 1.6, 5.2),
+                       target=(-0.4, 0.75, -0.5), vfov=32),
         "torus": scene({"torus": placed("brass", node("torus", major_radius=0.72, minor_radius=0.27),
                                         [0, 0.99, 0], [90, 0, 20])}),
         "cylinder": scene({"cylinder": placed("ochre", node("cylinder", radius=0.72, height=1.7), [0, 0.85, 0])}),
@@ -120,9 +125,9 @@ def primitives():
         "cone": scene(cone),
         "ellipsoid": scene({"ellipsoid": placed("glass", node("ellipsoid", radii=[1, 0.65, 0.8]), [0, 0.65, 0])},
                            target=(0, 0.75, 0), depth=16),
-        "mandelbulb": scene({"bulb": placed("bone", node("mandelbulb", power=8), [0, 1.1, 0], [-90, 0, 0], 0.95)}),
-        "julia": scene({"julia": placed("clay", node("julia", c=[-0.2, 0.6, 0.2, 0.2]), [0, 0.9, 0], [0, 40, 0], 0.85)}),
-        "fbm_noise_sphere": scene({"rock": placed("ochre", node("fbm_noise_sphere", radius=0.85, amplitude=0.3,
+        "mandelbulb": scene({"bulb": placed("bone", node("mandelbulb", power=8), [0, 1.05, 0], [20, 15, 0], 0.95)}),
+        "julia": scene({"julia": placed("clay", node("julia", c=[-0.213, -0.041, -0.563, -0.56]), [0, 1.05, 0])}),
+        "fbm_noise_sphere": scene({"rock": placed("ochre", node("fbm_noise_sphere", radius=0.85, amplitude=0.22,
                                                                  frequency=1.6, seed=3), [0, 0.95, 0])}),
     }
 
@@ -154,24 +159,23 @@ def space():
         f"slab {i + 1}": moved(box(1.5, 0.5, 1.5), [0, y, 0], [0, 12 * i, 0], round(1 - 0.15 * i, 2))
         for i, y in enumerate([0.4625, 0.85, 1.1625, 1.4], 1)}})
     pins = node("repetition", period=[0.5, 0, 0.5], count=2, child=node("capsule", radius=0.16, height=0.5))
-    arcade = node("union", children={
-        "ground": node("plane"),
-        "columns": node("repetition", period=[2, 0, 2], child=node("cylinder", radius=0.3, height=3)),
-        "capitals": moved(node("repetition", period=[2, 0, 2], child=box(0.85, 0.25, 0.85)), [0, 1.5, 0]),
-    })
-    endless = placed("bone", arcade, bounds={"min": [-60, -0.5, -120], "max": [60, 2, 60]})
+    column = node("union", children={"shaft": moved(node("cylinder", radius=0.28, height=1.5), [0, 0.75, 0]),
+                                     "capital": moved(box(0.8, 0.22, 0.8), [0, 1.6, 0])})
+    columns = node("union", children={"ground": node("plane"),
+                                      "columns": node("repetition", period=[2, 0, 2], child=column)})
+    endless = placed("bone", columns, bounds={"min": [-60, -0.5, -100], "max": [60, 2, 5]})
     rock = node("fbm_noise", amplitude=0.16, frequency=1.8, octaves=6, seed=5,
                 child=node("rounded_box", size=[1.5, 1.4, 1.2], radius=0.3))
-    bow = node("bend", degrees=38, child=node("rounded_box", size=[2.6, 0.3, 0.7], radius=0.06))
+    bow = node("bend", degrees=35, child=node("rounded_box", size=[3, 0.35, 0.9], radius=0.06))
     return {
         "fbm_noise": scene({"rock": placed("bone", rock, [0, 0.72, 0], [0, 25, 0])}, target=(0, 0.8, 0)),
         "transform": scene({"stairs": placed("ink", stairs, [0, 0.25, 0])}, target=(0, 0.8, 0)),
         "repetition": scene({"pins": placed("clay", pins, [0, 0.41, 0], [0, 15, 0])}, target=(0, 0.3, 0), vfov=29),
-        "repetition_infinite": scene({"arcade": endless}, cove=False, sky=(0.6, 0.68, 0.8),
-                                     eye=(1.25, 1.2, 6.2), target=(-0.6, 1.0, 0), vfov=48),
+        "repetition_infinite": scene({"columns": endless}, cove=False, sun=True, sky=(0.34, 0.41, 0.52),
+                                     eye=(2.3, 2.5, 9), target=(-0.6, 0.95, 0), vfov=34),
         "twist": scene({"column": placed("brass", node("twist", degrees=70, child=node(
             "rounded_box", size=[0.9, 2, 0.9], radius=0.08)), [0, 1, 0])}, target=(0, 0.98, 0)),
-        "bend": scene({"bow": placed("teal", bow, [0, 0.35, 0], [0, 20, 0])}, target=(0, 0.75, 0), vfov=28),
+        "bend": scene({"bow": placed("teal", bow, [0, 1.1, 0], [0, 20, 0])}, target=(0, 0.7, 0), vfov=27),
     }
 
 
@@ -179,12 +183,14 @@ def closeups():
     """Close-ups of fractals."""
     bulb = {"bulb": placed("bone", node("mandelbulb", power=8))}
     other = {"bulb": placed("ochre", node("mandelbulb", power=4))}
-    julia = {"julia": placed("clay", node("julia", c=[-0.2, 0.6, 0.2, 0.2], iterations=14))}
-    sky = (0.45, 0.5, 0.6)
+    julia = {"julia": placed("clay", node("julia", c=[-0.213, -0.041, -0.563, -0.56], iterations=14))}
+    view = {"cove": False, "sky": (0.34, 0.41, 0.52)}
     return {
-        "mandelbulb_valley": scene(bulb, cove=False, sky=sky, eye=(0.62, 0.62, 0.95), target=(0.45, 0.55, 0.75), vfov=12),
-        "mandelbulb_power_4": scene(other, cove=False, sky=sky, eye=(0.9, 1.0, 1.1), target=(0.45, 0.5, 0.6), vfov=12),
-        "julia_close": scene(julia, cove=False, sky=sky, eye=(0.5, 0.9, 1.2), target=(0.2, 0.35, 0.5), vfov=14),
+        "mandelbulb_valley": scene(bulb, eye=(0.909, 0.399, 0.669), target=(0.854, 0.299, 0.427), vfov=26,
+                                   key=(7.5, 6.5, 3.5), **view),
+        "mandelbulb_power_4": scene(other, eye=(0.421, 0.695, 1.129), target=(0.503, 0.503, 0.905), vfov=26,
+                                    key=(5.5, 7, 5.5), **view),
+        "julia_close": scene(julia, eye=(-1.2, 1.1, 1.4), target=(-0.2, 0.3, 0.1), vfov=18, key=(-2, 6, 6), **view),
     }
 
 
