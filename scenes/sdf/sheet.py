@@ -89,8 +89,7 @@ def main():
             picture, report = render(name, work, options)
             pictures.append((name, picture))
             rows.append((name, report))
-        # 256 colours keep the file small; the error of each pixel is passed on to its neighbours.
-        whole = sheet(pictures, options.cell, options.columns).quantize(256, Image.Quantize.MEDIANCUT)
+        whole = sheet(pictures, options.cell, options.columns)
     os.makedirs(os.path.dirname(os.path.abspath(options.out)), exist_ok=True)
     whole.save(options.out, optimize=True)
     print("| scene | seconds | million samples/s | rays out of steps | non-finite samples |\n|---|---|---|---|---|")
