@@ -206,7 +206,7 @@ def documents(folder, tree, karst):
 
 
 def peers(folder, reference, options):
-    """Rows of what the peers say of the mesh: name, seconds, noise, relMSE to karst's picture, MiB where it is known."""
+    """Rows of what the peers say of the mesh: name, seconds, noise, relMSE to karst's picture, MiB if known."""
     run(options.peers_python, "-c", PLAIN, reference, os.path.join(folder, "reference.exr"))
     found = os.path.join(folder, "peers.json")
     run(options.peers_python, options.peers, folder, "--peers", *options.peer_names, "--spp", options.spp, "--seeds", 2,

@@ -3,8 +3,8 @@
 
     python3 sheet.py [--spp 64] [--denoise off|color|full] [--keep DIR] [NAME…]
 
-Needs Pillow (`pip install pillow`) and a built karst. A scene whose name is that of a node is one cell of the sheet, the
-close-ups at its end are two cells wide. Without names all scenes are rendered.
+Needs Pillow (`pip install pillow`) and a built karst. A scene of a node is one cell of the sheet, the close-ups at its
+end are two cells wide. Without names all scenes are rendered.
 """
 import argparse
 import json
@@ -79,13 +79,13 @@ def main():
     names = options.names or NODES + CLOSE
     missing = {file[:-5] for file in os.listdir(HERE) if file.endswith(".json")} ^ set(NODES + CLOSE)
     if missing:
-        sys.exit(f"error: {', '.join(sorted(missing))}: a scene without a place on the sheet, or a place without a scene")
+        sys.exit(f"error: {', '.join(sorted(missing))}: a scene without a place on the sheet, or the other way round")
     pictures, rows = [], []
     with tempfile.TemporaryDirectory() as scratch:
         work = options.keep or scratch
         os.makedirs(work, exist_ok=True)
         for i, name in enumerate(names, 1):
-            print(f"[{i}/{len(names)}] {name}", end="\r\033[K" if sys.stderr.isatty() else "\n", file=sys.stderr, flush=True)
+            print(f"[{i}/{len(names)}] {name}", file=sys.stderr, flush=True)
             picture, report = render(name, work, options)
             pictures.append((name, picture))
             rows.append((name, report))
