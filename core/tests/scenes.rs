@@ -11,9 +11,9 @@ use support::{mean_of, render};
 fn renders(file: &str, light: &Range<f64>) {
     let limits = Limits::default();
     let path = scenes().join(file);
-    let text = std::fs::read_to_string(&path).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{file}: {e}"));
     let document = Document::parse(&text, file, &limits).unwrap_or_else(|p| panic!("{p}"));
-    let source = Folder::new(path.parent().unwrap()).unwrap();
+    let source = Folder::new(path.parent().unwrap_or(&path)).unwrap_or_else(|e| panic!("{file}: {e}"));
     let assets = Assets::load(&document, &source, &limits).unwrap_or_else(|p| panic!("{p}"));
     let mut frames = vec![document.frames().first, document.frames().last];
     frames.dedup();
@@ -50,7 +50,7 @@ fn every_scene_renders() {
 fn every_scene_of_a_distance_function_renders() {
     let folder = std::fs::read_dir(scenes().join("sdf")).unwrap();
     let mut names: Vec<_> = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    names.retain(|name| name.ends_with(".json"));
+    names.retain(|name| Path::new(name).extension().is_some_and(|kind| kind == "json"));
     names.sort();
     assert!(names.len() >= 24, "a scene for every node: {names:?}");
     for name in names {

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 
 use crate::args::CheckArgs;
 use crate::commands::convert::{notes_json, say_notes};
+use crate::commands::marched;
 use crate::talk::Talk;
 
 pub(super) fn run(args: &CheckArgs, talk: Talk) -> Result<(), Error> {
@@ -68,6 +69,11 @@ fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
     if !description.media.is_empty() {
         text += "\nmedia: kept in the document, pictures are made as if space were empty";
     }
+    let mut marches = serde_json::Map::new();
+    for ((name, _), sdf) in description.sdf_objects.iter().zip(scene.distance_functions()) {
+        let _ = write!(text, "\nsdf_object {name:?}: {}", marched::in_words(sdf));
+        marches.insert(name.to_owned(), marched::as_json(sdf));
+    }
     let mut dropped = serde_json::Map::new();
     for (name, entry) in description.meshes.iter() {
         let count = assets.mesh(&entry.file).map_or(0, |mesh| mesh.mesh.dropped);
@@ -85,6 +91,7 @@ fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
         "first_frame": frames.first,
         "last_frame": frames.last,
         "files": document.assets().iter().map(|asset| asset.path.as_str()).collect::<Vec<_>>(),
+        "sdf_objects": marches,
         "dropped_triangles": dropped,
         "albedo_peaks": peaks.iter().map(albedo).collect::<Vec<_>>(),
     });

@@ -7,6 +7,7 @@ mod convert;
 mod fetch;
 mod follow;
 mod jobs;
+mod marched;
 mod page;
 mod pictures;
 mod render;

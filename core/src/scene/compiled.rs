@@ -11,7 +11,7 @@ use crate::film::{FrameSize, PixelFilter, Region};
 use crate::light::{Lights, Receiver};
 use crate::math::{Aabb, Frame, Ray, offset_origin};
 use crate::sampler::Stream;
-use crate::sdf::MarchStats;
+use crate::sdf::{MarchStats, Sdf};
 use glam::Vec3;
 use std::borrow::Cow;
 
@@ -144,6 +144,11 @@ impl Scene {
     /// Whether some surface is there in part only: then shadow rays ask for [`Scene::transmittance`].
     pub fn has_holes(&self) -> bool {
         self.has_holes
+    }
+
+    /// The objects made of distance functions, in the order of the document.
+    pub fn distance_functions(&self) -> impl Iterator<Item = &Sdf> {
+        self.objects.iter().filter_map(|object| object.distance_function().map(|(sdf, _)| sdf))
     }
 
     /// The box around all objects.

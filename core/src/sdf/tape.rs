@@ -92,7 +92,7 @@ impl Tape {
     }
 
     /// Whether the surface may have features that are much smaller than the object: fractals and noise.
-    pub(super) fn is_rough(&self) -> bool {
+    pub fn is_rough(&self) -> bool {
         self.level.is_some() || self.ops.iter().any(|op| matches!(op, Op::Displace(_)))
     }
 
