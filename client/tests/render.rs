@@ -147,6 +147,23 @@ fn a_good_scene_is_called_valid() {
 }
 
 #[test]
+fn check_says_how_objects_are_marched_and_why() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/sdf");
+    for (file, said) in [
+        ("union.json", "met by formula: no settings apply"),
+        ("torus.json", "marched in at most 4096 steps; features thinner than half of a pixel's radius"),
+        ("mandelbulb.json", "no less than 4.883e-4 (a fractal's level, where its surface is)"),
+        ("fbm_noise.json", "normals over the pixel, for noise may be finer"),
+    ] {
+        let text = done(&scenes, &["check", file]);
+        assert!(text.contains("sdf_object") && text.contains(said), "{text}");
+        let found: Value = serde_json::from_str(&done(&scenes, &["check", file, "--json"])).unwrap();
+        let objects = found["sdf_objects"].as_object().unwrap();
+        assert_eq!(objects.values().any(|object| object["by_formula"] == true), file == "union.json", "{found}");
+    }
+}
+
+#[test]
 fn a_missing_file_of_the_scene_is_named_where_it_is_used() {
     let (folder, path) = scene();
     let text = std::fs::read_to_string(&path).unwrap();
