@@ -59,7 +59,9 @@ def sheet(pictures, cell, columns):
         with Image.open(picture) as image:
             whole.paste(image.convert("RGB").resize((edge, edge), Image.Resampling.LANCZOS), (x, y))
         draw.text((x + edge / 2, y + edge + label / 2), name, (215, 215, 210), font, anchor="mm")
-    return whole
+    # 256 colours keep the file small: the best ones for this picture, and what they miss goes to the neighbours.
+    colours = whole.quantize(256, Image.Quantize.MEDIANCUT, kmeans=8)
+    return whole.quantize(palette=colours, dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def main():
