@@ -159,7 +159,11 @@ fn check_says_how_objects_are_marched_and_why() {
         assert!(text.contains("sdf_object") && text.contains(said), "{text}");
         let found: Value = serde_json::from_str(&done(&scenes, &["check", file, "--json"])).unwrap();
         let objects = found["sdf_objects"].as_object().unwrap();
-        assert_eq!(objects.values().any(|object| object["by_formula"] == true), file == "union.json", "{found}");
+        assert_eq!(
+            objects.values().any(|object| object["by_formula"] == true),
+            file == "union.json",
+            "{found}"
+        );
     }
 }
 

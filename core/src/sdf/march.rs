@@ -222,7 +222,8 @@ impl March {
             (self.slope, self.step) = (-1.0, here.value * self.caution);
             return self.plan(sdf.resolved(), stats);
         }
-        if there.value <= 0.0 {
+        // Exactly 0 is not inside: a solid less itself is 0 all over its surface.
+        if there.value < 0.0 {
             if fractal && !self.deliberate {
                 stats.overshoots += 1;
                 self.caution = 0.25;

@@ -6,7 +6,7 @@ use super::{Random, exact, hit, melted, moved, object, ray};
 use crate::sdf::{MarchStats, NoiseParameters, Sdf, SdfRay};
 
 /// Plain sphere tracing in f64 with quarter steps, then bisection: the first root, or `None`.
-fn reference(sdf: &Sdf, ray: &SdfRay) -> Option<f64> {
+pub(super) fn reference(sdf: &Sdf, ray: &SdfRay) -> Option<f64> {
     let (origin, dir) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
     let (mut t, far) = (0.0, 12.0);
     let mut before = 0.0;

@@ -4,6 +4,7 @@ mod accuracy;
 mod cells;
 mod closed;
 mod closed_seams;
+mod hard_cases;
 mod hostile;
 mod interval;
 mod lanes;

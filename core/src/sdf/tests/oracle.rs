@@ -232,13 +232,13 @@ fn plain(sdf: &Sdf, ray: &SdfRay, epsilon: f32, evaluations: &mut u64) -> Option
 }
 
 #[derive(Debug, Default)]
-struct Record {
-    rays: u64,
-    hits: u64,
-    mismatches: u64,
+pub(super) struct Record {
+    pub(super) rays: u64,
+    pub(super) hits: u64,
+    pub(super) mismatches: u64,
     /// Hits on features thinner than two least steps, which may be skipped.
-    thin: u64,
-    open: u64,
+    pub(super) thin: u64,
+    pub(super) open: u64,
     edges: u64,
     depths: Vec<f64>,
     normals: Vec<f64>,
@@ -261,7 +261,8 @@ fn chord(sdf: &Sdf, origin: DVec3, dir: DVec3, t: f64, step: f64) -> f64 {
     length
 }
 
-fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
+/// Holds rays of all views against what is proven.
+pub(super) fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
     let mut record = Record::default();
     let size = f64::from(sdf.bounds().size().length());
     for (view, ray) in rays(sdf, count) {
