@@ -152,8 +152,8 @@ fn check_says_how_objects_are_marched_and_why() {
     for (file, said) in [
         ("union.json", "met by formula: no settings apply"),
         ("torus.json", "marched in at most 4096 steps; features thinner than half of a pixel's radius"),
-        ("mandelbulb.json", "no less than 4.883e-4 (a fractal's level, where its surface is)"),
-        ("fbm_noise.json", "normals over the pixel, for noise may be finer"),
+        ("mandelbulb.json", "normals over 7.629e-6 (1/64 of a fractal's level"),
+        ("fbm_noise.json", "normals are its gradient"),
     ] {
         let text = done(&scenes, &["check", file]);
         assert!(text.contains("sdf_object") && text.contains(said), "{text}");

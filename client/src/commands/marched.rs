@@ -22,14 +22,12 @@ pub(super) fn in_words(sdf: &Sdf) -> String {
                 2.0 * resolved.largest_hit_epsilon
             ),
         },
-        match (resolved.normal_epsilon, sdf.tape().level()) {
+        match (resolved.normal_epsilon, sdf.normal_reach()) {
             (Some(given), _) => format!("normals over {given}"),
-            (None, Some(level)) => format!(
-                "normals over the pixel, and no less than {level:.3e} (a fractal's level, where its surface is)"
+            (None, Some(reach)) => format!(
+                "normals over {reach:.3e} (1/64 of a fractal's level, which is where its surface is: a wider reach would \
+                 cross creases)"
             ),
-            (None, None) if sdf.tape().is_rough() => {
-                "normals over the pixel, for noise may be finer".to_owned()
-            }
             (None, None) => "normals are its gradient".to_owned(),
         },
     ];
@@ -49,7 +47,7 @@ pub(super) fn as_json(sdf: &Sdf) -> Value {
         "step_clamp": resolved.step_clamp.is_finite().then_some(resolved.step_clamp),
         "hit_epsilon": resolved.hit_epsilon,
         "largest_hit_epsilon": resolved.largest_hit_epsilon,
-        "normal_epsilon": resolved.normal_epsilon,
+        "normal_epsilon": sdf.normal_reach(),
         "level": sdf.tape().level(),
         "cells": sdf.cells().map(|(cells, _)| cells),
     })

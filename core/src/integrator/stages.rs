@@ -57,7 +57,7 @@ fn cross(
             return found;
         }
         let ray = paths.rays[path];
-        let surface = scene.surface(&ray, &found?, spread);
+        let surface = scene.surface(&ray, &found?);
         let opacity = scene.opacity(&surface);
         let stops = opacity > 0.0
             && (opacity >= 1.0 || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity);
@@ -77,7 +77,6 @@ fn cross(
 /// Adds the light that paths have run into, and drops the paths that left the scene.
 pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.surfaces.clear();
-    let spread = scene.camera().pixel_spread();
     let mut alive = 0;
     for at in 0..paths.active.len() {
         let path = paths.active[at] as usize;
@@ -89,7 +88,7 @@ pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
             }
             continue;
         };
-        let surface = scene.surface(&ray, &hit, spread);
+        let surface = scene.surface(&ray, &hit);
         if let Some((light, radiance, pdf)) = scene.emission(&surface, paths.receivers[path].p, ray.d) {
             let weight = scattered_weight(scene, paths, path, light, pdf);
             paths.radiance[path] += paths.beta[path] * radiance * weight;

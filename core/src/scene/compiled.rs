@@ -191,8 +191,8 @@ impl Scene {
     }
 
     /// The surface at a hit of the ray.
-    pub fn surface(&self, ray: &Ray, hit: &Hit, spread: f32) -> Surface {
-        self.objects[hit.object as usize].surface(ray, hit, spread)
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        self.objects[hit.object as usize].surface(ray, hit)
     }
 
     fn material(&self, surface: &Surface) -> &Material {
@@ -237,7 +237,7 @@ impl Scene {
         let (mut rest, mut through) = (*ray, 1.0);
         for _ in 0..Self::MAX_CROSSINGS {
             let Some(hit) = self.nearest(&rest, 0.0, stats, |_, object| object.holes) else { return through };
-            let surface = self.surface(&rest, &hit, 0.0);
+            let surface = self.surface(&rest, &hit);
             through *= 1.0 - self.opacity(&surface);
             if through <= 0.0 {
                 return 0.0;

@@ -145,8 +145,8 @@ impl Object {
         }
     }
 
-    /// The surface at a hit of the ray; `spread` is the half width of a pixel per unit of distance.
-    pub(super) fn surface(&self, ray: &Ray, hit: &Hit, spread: f32) -> Surface {
+    /// The surface at a hit of the ray.
+    pub(super) fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let mut surface = match &self.shape {
             Shape::Mesh { mesh, transform, flat, flip_v } => {
                 let mut surface = mesh_surface(&mesh.mesh, transform, *flat, hit);
@@ -169,7 +169,7 @@ impl Object {
             Shape::Sdf { sdf, transform } => {
                 let local = to_local(ray, transform);
                 let p = local.at(hit.t);
-                let n = transform.normal(sdf.normal(p, spread * hit.t * local.d.length()));
+                let n = transform.normal(sdf.normal(p));
                 let world = transform.point(p);
                 let error = even_error(transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2));
                 Surface { p: world, error, ng: n, ns: n, ..Surface::at(hit) }

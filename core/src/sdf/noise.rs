@@ -184,6 +184,14 @@ const FARTHEST: f32 = 8_388_608.0;
 /// Odd factors of the three numbers of a cell, whose products together make the hash of the cell.
 pub(super) const STRIDES: [u32; 3] = [0x85eb_ca6b, 0xc2b2_ae35, 0x27d4_eb2f];
 
+/// The hash of the corner that is `step` away from the lowest of a cell.
+#[inline]
+pub(super) fn hash(cell: [u32; 3], step: [u32; 3]) -> u32 {
+    let [x, y, z]: [u32; 3] =
+        std::array::from_fn(|axis| cell[axis].wrapping_add(step[axis].wrapping_mul(STRIDES[axis])));
+    mix(x ^ y ^ z)
+}
+
 /// A third of the hashes are below minus this, as signed numbers, and a third above this.
 pub(super) const THIRD: i32 = 715_827_882;
 
@@ -208,7 +216,7 @@ pub(super) const FACTORS: [u32; 2] = [0x21f0_aaad, 0x735a_2d97];
 /// A bijection of 32 bits whose every input bit changes every output bit about half the time (the constants are
 /// those of the least biased two-round multiply and shift that is known, Wellons' search).
 #[inline]
-pub(super) fn mix(mut bits: u32) -> u32 {
+fn mix(mut bits: u32) -> u32 {
     bits = (bits ^ (bits >> 16)).wrapping_mul(FACTORS[0]);
     bits = (bits ^ (bits >> 15)).wrapping_mul(FACTORS[1]);
     bits ^ (bits >> 15)

@@ -22,7 +22,7 @@ pub struct Settings {
     /// Derived: a fraction of the pixel's footprint at the distance travelled.
     pub hit_epsilon: Option<f32>,
     /// Distance over which normals are taken, in object units.
-    /// Derived: the gradient itself; on noise the pixel's footprint, and on fractals no less than their level.
+    /// Derived: the gradient itself; on fractals 1/64 of their level.
     pub normal_epsilon: Option<f32>,
     /// Largest single step, in object units. Derived: no limit.
     pub step_clamp: Option<f32>,
@@ -37,7 +37,7 @@ pub struct Resolved {
     pub hit_epsilon: Option<f32>,
     /// Upper limit for a derived `hit_epsilon`, in object units: 1/4096 of the diagonal of the bounds.
     pub largest_hit_epsilon: f32,
-    /// Distance over which normals are taken, in object units; `None`: derived at each point.
+    /// Distance over which normals are taken, in object units; `None`: derived.
     pub normal_epsilon: Option<f32>,
     /// Largest single step, in object units.
     pub step_clamp: f32,
@@ -241,19 +241,13 @@ impl Sdf {
         self.cells.as_ref().map(Cells::extent)
     }
 
-    /// Outward unit normal at a point of the surface.
+    /// Outward unit normal at a point of the surface: the gradient, which for a ray that comes from outside points to
+    /// the side that it comes from. Always finite and of unit length.
     ///
-    /// `footprint` is the half width of the pixel cone at `p` in object units (0 = unknown). Fractals have no limit
-    /// normal and noise may be finer than a pixel: theirs is taken over the footprint. Elsewhere it is the gradient
-    /// itself. Always finite and of unit length.
-    pub fn normal(&self, p: Vec3, footprint: f32) -> Vec3 {
-        let over = match (self.resolved.normal_epsilon, self.tape.level()) {
-            (Some(given), _) => Some(given),
-            (None, Some(level)) => Some(footprint.max(level)),
-            (None, None) if self.tape.is_rough() && footprint > 0.0 => Some(footprint),
-            (None, None) => None,
-        };
-        let gradient = match over {
+    /// Fractals have no gradient to rely on. Theirs is a difference over [`Sdf::normal_reach`], small against the distance
+    /// of their level from the set: a wider one, a pixel's for example, reaches across creases and turns normals around.
+    pub fn normal(&self, p: Vec3) -> Vec3 {
+        let gradient = match self.normal_reach() {
             Some(h) => self.difference(p, h),
             None => self.near(p, Dual::place(p.as_dvec3())).gradient,
         };
@@ -263,6 +257,11 @@ impl Sdf {
         // Where all of that vanishes (between equal children, say) away from the middle is as good as any.
         let middle = self.bounds.center();
         normalized.map(DVec3::as_vec3).or_else(|| (p - middle).try_normalize()).unwrap_or(Vec3::Y)
+    }
+
+    /// The distance over which normals are taken, in object units; `None` where they are gradients.
+    pub fn normal_reach(&self) -> Option<f32> {
+        self.resolved.normal_epsilon.or_else(|| self.tape.level().map(|level| level / 64.0))
     }
 
     /// The direction of steepest rise between the corners of a tetrahedron around `p`, `h` away along each axis.

@@ -91,11 +91,6 @@ impl Tape {
         self.level
     }
 
-    /// Whether the surface may have features that are much smaller than the object: fractals and noise.
-    pub fn is_rough(&self) -> bool {
-        self.level.is_some() || self.ops.iter().any(|op| matches!(op, Op::Displace(_)))
-    }
-
     /// Largest number that an evaluation subtracts besides the coordinates of the point, in object units: offsets of
     /// nodes and radii of tori. With the coordinates it bounds the rounding error of a value.
     pub fn reach(&self) -> f32 {

@@ -134,8 +134,6 @@ impl Lattice for Dual {
         f64::cell(Point::new(corner.x.value, corner.y.value, corner.z.value), key)
     }
     fn corner(cell: Self::Cell, step: [u32; 3], way: Point<Self>) -> Self {
-        let along = |axis: DVec3| f64::corner(cell, step, Point::new(axis.x, axis.y, axis.z));
-        let [x, y, z] = DVec3::AXES.map(along).map(Self::constant);
-        x * way.x + y * way.y + z * way.z
+        noise::edge(noise::hash(cell, step), way)
     }
 }

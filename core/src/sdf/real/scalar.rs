@@ -63,10 +63,7 @@ macro_rules! lattice {
             }
             #[inline]
             fn corner(cell: [u32; 3], step: [u32; 3], way: Point<Self>) -> Self {
-                let [x, y, z]: [u32; 3] = std::array::from_fn(|axis| {
-                    cell[axis].wrapping_add(step[axis].wrapping_mul(noise::STRIDES[axis]))
-                });
-                noise::edge(noise::mix(x ^ y ^ z), way)
+                noise::edge(noise::hash(cell, step), way)
             }
         }
     };

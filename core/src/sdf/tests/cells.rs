@@ -60,11 +60,7 @@ fn pieces_are_hit_where_the_whole_is() {
             );
             if let Some(t) = found {
                 let p = ray.origin + ray.dir * t;
-                assert_eq!(
-                    (sdf.normal(p, 0.0), sdf.offset(p)),
-                    (whole.normal(p, 0.0), whole.offset(p)),
-                    "{p}"
-                );
+                assert_eq!((sdf.normal(p), sdf.offset(p)), (whole.normal(p), whole.offset(p)), "{p}");
                 hits += 1;
             }
         }

@@ -140,7 +140,7 @@ fn pick(sdf: &Sdf, kind: u32, random: &mut Random) -> SdfRay {
             let seen = from(middle + random.direction() * size * 2.0, target.as_dvec3());
             let Some(at) = closed(sdf, &seen) else { return seen };
             let p = seen.origin + seen.dir * at as f32;
-            let normal = sdf.normal(p, 0.0);
+            let normal = sdf.normal(p);
             let along = normal.cross(random.direction()).normalize_or(normal.any_orthonormal_vector());
             let above = p + normal * size * 1e-3 * random.next();
             ray(above - along * size, along + normal * random.within(-2e-3, 1e-3))

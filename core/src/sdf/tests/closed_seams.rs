@@ -49,7 +49,7 @@ fn rays_that_leave_a_convex_solid_hit_nothing() {
                 turned(t, node, Vec3::new(0.6, -0.5, 0.6) * away, scale)
             });
             for p in surface(&sdf, 1200, &mut random) {
-                let n = sdf.normal(p, 0.0);
+                let n = sdf.normal(p);
                 let w = random.direction();
                 // Every other ray along the surface; normals are good to a few millionths.
                 let w = if rays % 2 == 0 { w } else { n.cross(w) + n * random.within(2e-5, 1e-3) };
@@ -92,7 +92,7 @@ fn rays_into_a_solid_come_out_on_the_far_side() {
                 turned(t, node, Vec3::splat(away), scale)
             });
             for p in surface(&sdf, 1000, &mut random) {
-                let n = sdf.normal(p, 0.0);
+                let n = sdf.normal(p);
                 let w = random.direction();
                 let w = w * -w.dot(n).signum();
                 if w.dot(n) < -0.05 {

@@ -190,7 +190,7 @@ fn rays(sdf: &Sdf, count: u32) -> Vec<(View, SdfRay)> {
             continue;
         }
         let Some(t) = super::hit(sdf, &far) else { continue };
-        let (p, n) = (far.origin + far.dir * t, sdf.normal(far.origin + far.dir * t, 0.0));
+        let (p, n) = (far.origin + far.dir * t, sdf.normal(far.origin + far.dir * t));
         let along = n.cross(random.direction()).normalize_or(n.any_orthonormal_vector());
         if rays.len() % 4 == 2 {
             // Past a place of the surface, up to a hundredth of the size above or below.
@@ -290,7 +290,7 @@ pub(super) fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
                 let here = exact(sdf, p);
                 let edge =
                     beside.iter().any(|[after, before]| (after + before - 2.0 * here).abs() > 1e-3 * h);
-                let n = sdf.normal(ray.origin + ray.dir * t, 0.0).as_dvec3();
+                let n = sdf.normal(ray.origin + ray.dir * t).as_dvec3();
                 // Along the normal: how deep a grazing ray is when it hits is a matter of rounding.
                 let depth = (f64::from(t) - exactly).abs() * dir.dot(steepest).abs() / size;
                 if depth > 1e-4 {

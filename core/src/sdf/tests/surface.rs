@@ -26,7 +26,7 @@ fn false_hits(sdf: &Sdf, count: usize) -> usize {
     let mut random = Random(13);
     let mut wrong = 0;
     for p in surface_points(sdf, count) {
-        let n = sdf.normal(p, 0.0);
+        let n = sdf.normal(p);
         let w = random.direction();
         let w = if w.dot(n) < 0.0 { -w } else { w };
         let start = p + n * sdf.offset(p);
@@ -62,7 +62,7 @@ fn leaving_inwards_comes_out_at_the_far_side() {
     for radius in [1e-3_f32, 1.0, 1e3] {
         let sdf = object(|t| t.sphere(radius)).marching();
         for p in surface_points(&sdf, 2000) {
-            let n = sdf.normal(p, 0.0);
+            let n = sdf.normal(p);
             let w = random.direction();
             let w = if w.dot(n) > 0.0 { -w } else { w };
             if w.dot(n) > -0.02 {
@@ -91,7 +91,7 @@ fn shadow_rays_of_fractals_leave_their_surface() {
     let sdf = object(|t| t.mandelbulb(8.0, 10, 4.0));
     let (mut close, mut total, mut stats) = (0, 0, MarchStats::default());
     for p in surface_points(&sdf, 4000) {
-        let n = sdf.normal(p, 1e-3);
+        let n = sdf.normal(p);
         let start = p + n * sdf.offset(p);
         if exact(&sdf, start.as_dvec3()) <= 0.0 {
             continue;
@@ -111,7 +111,7 @@ fn normals_are_exact_on_smooth_objects() {
     for p in surface_points(&sdf, 2000) {
         let ring = Vec3::new(p.x, 0.0, p.z).normalize();
         let want = (p - ring).normalize();
-        let cross = sdf.normal(p, 0.0).cross(want).length();
+        let cross = sdf.normal(p).cross(want).length();
         assert!(cross < 3e-6, "{p}: {cross}");
     }
 }
@@ -126,7 +126,7 @@ fn normals_of_cones_are_perpendicular_to_the_slant() {
             for p in surface_points(&sdf, 2000) {
                 if p.y.abs() < 0.49 * height {
                     let want = Vec3::new(p.x, Vec3::new(p.x, 0.0, p.z).length() * slope, p.z).normalize();
-                    let cross = sdf.normal(p, 0.0) - want;
+                    let cross = sdf.normal(p) - want;
                     assert!(cross.length() < 1e-5, "{p}: {cross}");
                 }
             }
@@ -139,7 +139,7 @@ fn normals_are_unit_and_point_out_of_melted_and_fractal_objects() {
     for sdf in [object(melted), object(|t| t.mandelbulb(8.0, 10, 4.0))] {
         let mut outwards = 0;
         for p in surface_points(&sdf, 1000) {
-            let n = sdf.normal(p, 0.0);
+            let n = sdf.normal(p);
             assert!((n.length() - 1.0).abs() < 1e-5, "{n}");
             let step = 0.01;
             outwards +=
@@ -152,7 +152,7 @@ fn normals_are_unit_and_point_out_of_melted_and_fractal_objects() {
 #[test]
 fn a_normal_exists_where_the_gradient_vanishes() {
     let sdf = object(|t| t.sphere(1.0));
-    assert!((sdf.normal(Vec3::ZERO, 0.0).length() - 1.0).abs() < 1e-6);
+    assert!((sdf.normal(Vec3::ZERO).length() - 1.0).abs() < 1e-6);
 }
 
 #[test]
@@ -166,5 +166,24 @@ fn thin_circles_are_never_hit_and_thin_shells_are() {
         let ray = SdfRay { footprint: 1e-5, ..ray(origin, target - origin) };
         assert_eq!(hit(&circle, &ray), None);
         assert!(hit(&shell, &ray).is_some(), "{ray:?}");
+    }
+}
+
+#[test]
+fn normals_of_fractals_face_the_ray_that_hits_them() {
+    let valley = object(|t| t.mandelbulb(8.0, 12, 4.0));
+    let thin = object(|t| t.julia(glam::Vec4::new(-0.2, 0.6, 0.2, 0.2), 10));
+    for sdf in [valley, thin] {
+        let (mut random, mut away, mut hits) = (Random(61), 0, 0);
+        let radius = 0.5 * sdf.bounds().size().length();
+        for _ in 0..20_000 {
+            let origin = random.direction() * 2.0 * radius;
+            let ray = ray(origin, random.direction() * 0.4 * radius - origin);
+            let Some(t) = hit(&sdf, &ray) else { continue };
+            hits += 1;
+            away += u32::from(sdf.normal(ray.origin + ray.dir * t).dot(ray.dir) > 0.0);
+        }
+        println!("{away} of {hits} normals point away from the ray");
+        assert!(hits > 5000 && away * 2000 <= hits, "{away} of {hits}");
     }
 }
