@@ -46,6 +46,14 @@ impl<const N: usize> Stack<N> {
         self.lists -= 1;
         let (first, second) =
             (usize::from(self.starts[self.lists - 1]), usize::from(self.starts[self.lists]));
+        let (no_a, no_b) = (first == second, second == self.held);
+        // Most lines miss most solids: then one list stays as it is, where it is.
+        if no_a || no_b {
+            if !operator.holds(!no_a, !no_b) {
+                self.held = first;
+            }
+            return;
+        }
         let (a, b) = (&self.crossings[first..second], &self.crossings[second..self.held]);
         let mut made = [Crossing::default(); N];
         let (mut i, mut j, mut count) = (0, 0, 0);
