@@ -83,3 +83,50 @@ impl<const N: usize> Stack<N> {
         &self.crossings[..self.held]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Span, Stack};
+    use crate::sdf::node::Operator;
+
+    /// Where what an operator makes of two lists of pieces begins and ends.
+    fn made(operator: Operator, a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<f64> {
+        let mut stack = Stack::<8>::new();
+        for list in [a, b] {
+            stack.push(list.first().map(|&(start, end)| Span { start, end }), 0);
+            for &(start, end) in list.iter().skip(1) {
+                stack.push(Some(Span { start, end }), 0);
+                stack.combine(Operator::Union);
+            }
+        }
+        stack.combine(operator);
+        stack.crossings().iter().map(|crossing| crossing.at).collect()
+    }
+
+    #[test]
+    fn what_touches_is_one_and_what_is_equal_cancels() {
+        let (a, b) = ([(0.0, 1.0)], [(1.0, 2.0)]);
+        for (a, b) in [(a, b), (b, a)] {
+            assert_eq!(made(Operator::Union, &a, &b), [0.0, 2.0]);
+            assert!(made(Operator::Intersection, &a, &b).is_empty());
+            assert_eq!(made(Operator::Difference, &a, &b), [a[0].0, a[0].1]);
+        }
+        assert!(made(Operator::Difference, &a, &a).is_empty());
+        assert_eq!(made(Operator::Union, &a, &a), [0.0, 1.0]);
+        assert_eq!(made(Operator::Difference, &[(0.0, 2.0)], &b), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn lists_are_merged_in_order() {
+        let (a, b) = ([(0.0, 4.0), (6.0, 7.0)], [(1.0, 2.0), (3.0, f64::INFINITY)]);
+        assert_eq!(made(Operator::Difference, &a, &b), [0.0, 1.0, 2.0, 3.0]);
+        assert_eq!(made(Operator::Intersection, &a, &b), [1.0, 2.0, 3.0, 4.0, 6.0, 7.0]);
+        assert_eq!(made(Operator::Union, &a, &b), [0.0, f64::INFINITY]);
+        assert_eq!(made(Operator::Difference, &a, &[]), [0.0, 4.0, 6.0, 7.0]);
+        assert!(
+            made(Operator::Intersection, &[], &b).is_empty()
+                && made(Operator::Difference, &[], &b).is_empty()
+        );
+        assert_eq!(made(Operator::Union, &[], &a), [0.0, 4.0, 6.0, 7.0]);
+    }
+}
