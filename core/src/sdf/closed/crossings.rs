@@ -46,6 +46,14 @@ impl<const N: usize> Stack<N> {
         self.lists -= 1;
         let (first, second) =
             (usize::from(self.starts[self.lists - 1]), usize::from(self.starts[self.lists]));
+        let (no_a, no_b) = (first == second, second == self.held);
+        // Most lines miss most solids: then one list stays as it is, where it is.
+        if no_a || no_b {
+            if !operator.holds(!no_a, !no_b) {
+                self.held = first;
+            }
+            return;
+        }
         let (a, b) = (&self.crossings[first..second], &self.crossings[second..self.held]);
         let mut made = [Crossing::default(); N];
         let (mut i, mut j, mut count) = (0, 0, 0);
@@ -73,5 +81,52 @@ impl<const N: usize> Stack<N> {
     /// The list at the bottom.
     pub(super) fn crossings(&self) -> &[Crossing] {
         &self.crossings[..self.held]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Span, Stack};
+    use crate::sdf::node::Operator;
+
+    /// Where what an operator makes of two lists of pieces begins and ends.
+    fn made(operator: Operator, a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<f64> {
+        let mut stack = Stack::<8>::new();
+        for list in [a, b] {
+            stack.push(list.first().map(|&(start, end)| Span { start, end }), 0);
+            for &(start, end) in list.iter().skip(1) {
+                stack.push(Some(Span { start, end }), 0);
+                stack.combine(Operator::Union);
+            }
+        }
+        stack.combine(operator);
+        stack.crossings().iter().map(|crossing| crossing.at).collect()
+    }
+
+    #[test]
+    fn what_touches_is_one_and_what_is_equal_cancels() {
+        let (a, b) = ([(0.0, 1.0)], [(1.0, 2.0)]);
+        for (a, b) in [(a, b), (b, a)] {
+            assert_eq!(made(Operator::Union, &a, &b), [0.0, 2.0]);
+            assert!(made(Operator::Intersection, &a, &b).is_empty());
+            assert_eq!(made(Operator::Difference, &a, &b), [a[0].0, a[0].1]);
+        }
+        assert!(made(Operator::Difference, &a, &a).is_empty());
+        assert_eq!(made(Operator::Union, &a, &a), [0.0, 1.0]);
+        assert_eq!(made(Operator::Difference, &[(0.0, 2.0)], &b), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn lists_are_merged_in_order() {
+        let (a, b) = ([(0.0, 4.0), (6.0, 7.0)], [(1.0, 2.0), (3.0, f64::INFINITY)]);
+        assert_eq!(made(Operator::Difference, &a, &b), [0.0, 1.0, 2.0, 3.0]);
+        assert_eq!(made(Operator::Intersection, &a, &b), [1.0, 2.0, 3.0, 4.0, 6.0, 7.0]);
+        assert_eq!(made(Operator::Union, &a, &b), [0.0, f64::INFINITY]);
+        assert_eq!(made(Operator::Difference, &a, &[]), [0.0, 4.0, 6.0, 7.0]);
+        assert!(
+            made(Operator::Intersection, &[], &b).is_empty()
+                && made(Operator::Difference, &[], &b).is_empty()
+        );
+        assert_eq!(made(Operator::Union, &[], &a), [0.0, 4.0, 6.0, 7.0]);
     }
 }

@@ -105,6 +105,7 @@ impl ClosedForm {
         match self.solids.len() {
             0..=1 => self.walk::<2>(sdf, ray, stats),
             2..=4 => self.walk::<8>(sdf, ray, stats),
+            5..=8 => self.walk::<16>(sdf, ray, stats),
             _ => self.walk::<{ 2 * MAX_SOLIDS }>(sdf, ray, stats),
         }
     }
