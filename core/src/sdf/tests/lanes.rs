@@ -1,60 +1,16 @@
 //! One definition of every node serves all kinds of numbers: they agree, and lanes do not know of each other.
 
-use glam::{DVec3, Mat3, Quat, Vec3, Vec4};
+use glam::{DVec3, Vec3};
 use proptest::prelude::{Just, prop, prop_oneof, proptest};
 use wide::f32x8;
 
-use super::{Random, melted, object, pack, ray};
+use super::objects::{fractals, solids, trees};
+use super::{Random, pack, ray};
 use crate::sdf::real::{Dual, Real};
-use crate::sdf::{MarchStats, NoiseParameters, Point, Sdf, SdfRay};
+use crate::sdf::{MarchStats, Point, Sdf, SdfRay};
 
-const NOISE: NoiseParameters =
-    NoiseParameters { amplitude: 0.15, frequency: 2.0, octaves: 5, gain: 0.5, lacunarity: 2.1, seed: 3 };
-
-/// An object of every kind of node that is computed in a way of its own.
 fn objects() -> Vec<(&'static str, Sdf)> {
-    let turn = Mat3::from_quat(Quat::from_rotation_x(0.6));
-    vec![
-        ("melted", object(melted)),
-        ("rounded box", object(|t| t.rounded_box(Vec3::new(2.0, 1.0, 0.5), 0.1))),
-        ("cylinder", object(|t| t.cylinder(0.7, 1.5))),
-        ("capsule", object(|t| t.capsule(0.3, 1.5))),
-        ("cone", object(|t| t.cone(0.3, 0.8, 1.0))),
-        ("ellipsoid", object(|t| t.ellipsoid(Vec3::new(1.0, 0.5, 0.2)))),
-        ("bulb 8", object(|t| t.mandelbulb(8.0, 10, 4.0))),
-        ("bulb 7.3", object(|t| t.mandelbulb(7.3, 6, 4.0))),
-        ("julia", object(|t| t.julia(Vec4::new(-0.2, 0.6, 0.2, 0.2), 10))),
-        (
-            "stone",
-            object(|t| {
-                let ball = t.sphere(1.0);
-                t.fbm_noise(ball, NOISE)
-            }),
-        ),
-        (
-            "lattice",
-            object(|t| {
-                let ball = t.sphere(0.2);
-                t.repetition(ball, Vec3::new(0.6, 0.8, 1.0), Some(1))
-            }),
-        ),
-        (
-            "screw",
-            object(|t| {
-                let bar = t.cuboid(Vec3::new(0.8, 2.0, 0.4));
-                let bar = t.twist(bar, 60.0);
-                t.transform(bar, Vec3::X, turn, 0.7)
-            }),
-        ),
-        (
-            "bow",
-            object(|t| {
-                let (bar, hole) = (t.rounded_box(Vec3::new(2.0, 0.4, 0.4), 0.05), t.sphere(0.3));
-                let bow = t.bend(bar, 40.0);
-                t.smooth_difference(&[bow, hole], 0.1)
-            }),
-        ),
-    ]
+    [solids(), trees(), fractals()].into_iter().flatten().map(|(name, sdf)| (name, sdf.marching())).collect()
 }
 
 /// Eight random points around an object.

@@ -9,6 +9,7 @@ mod hostile;
 mod interval;
 mod lanes;
 mod noise;
+mod objects;
 mod oracle;
 mod properties;
 mod surface;
