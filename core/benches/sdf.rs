@@ -52,7 +52,7 @@ impl Numbers {
 fn heap(count: u32, k: f32) -> Sdf {
     object(|t| {
         let mut numbers = Numbers(35);
-        let size = 2.0 / (count as f32).cbrt();
+        let size = 2.0 / libm::cbrtf(count as f32);
         let parts: Vec<_> = (0..count)
             .map(|i| {
                 let part = match i % 3 {

@@ -82,7 +82,7 @@ fn an_sdf_sphere_looks_like_a_sphere() {
     );
     let (a, ea) = pooled_mean(&render(&scene(&furnace(&closed)), 32, 2));
     let (b, eb) = pooled_mean(&render(&scene(&furnace(&marched)), 32, 2));
-    assert!((a - b).abs() < 4.0 * ea.hypot(eb) + 1e-4, "{a} ± {ea} against {b} ± {eb}");
+    assert!((a - b).abs() < 4.0 * libm::hypot(ea, eb) + 1e-4, "{a} ± {ea} against {b} ± {eb}");
 }
 
 /// Rays that leave a wall do not find it again, and none slips through a corner: a closed box of albedo and emission one

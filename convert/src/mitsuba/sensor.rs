@@ -109,9 +109,10 @@ fn vfov(object: &Object, aspect: f64) -> Result<f64, ConvertError> {
     let axis = object.text("fov_axis")?.unwrap_or("x").to_ascii_lowercase();
     let (angle, axis) = match angle {
         Some(angle) => (angle, axis.as_str()),
-        None => {
-            (2.0 * libm::atan(36.0_f64.hypot(24.0) / (2.0 * focal_length(object)?)).to_degrees(), "diagonal")
-        }
+        None => (
+            2.0 * libm::atan(libm::hypot(36.0, 24.0) / (2.0 * focal_length(object)?)).to_degrees(),
+            "diagonal",
+        ),
     };
     let axis = match axis {
         "smaller" if aspect > 1.0 => "y",
@@ -122,7 +123,7 @@ fn vfov(object: &Object, aspect: f64) -> Result<f64, ConvertError> {
     let vertical = match axis {
         "x" => whole(half(angle) / aspect),
         "y" => angle,
-        "diagonal" => whole(half(angle) / aspect.hypot(1.0)),
+        "diagonal" => whole(half(angle) / libm::hypot(aspect, 1.0)),
         other => {
             let message = format!("found the fov_axis {other:?}, expected x, y, diagonal, smaller or larger");
             return Err(place.error(message));

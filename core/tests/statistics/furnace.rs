@@ -228,7 +228,7 @@ fn no_material_brightens(side: u32, seed: u32) {
             let spread = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>();
             let error = (spread / f64::from(FEW * (FEW - 1))).sqrt();
             let many = shot(4096, seed.wrapping_add(1000 * at + 999)).take(&body);
-            ((*name).to_owned(), (mean - many.mean) / many.mean, error.hypot(many.error) / many.mean)
+            ((*name).to_owned(), (mean - many.mean) / many.mean, libm::hypot(error, many.error) / many.mean)
         })
         .collect();
     // Student's distribution of 31 degrees of freedom has a tail that much wider.

@@ -133,7 +133,7 @@ fn case_11_sizes_and_places_far_apart() {
 /// Whether a pixel of a picture of 64 × 64 is within so many pixels of the middle.
 fn inside(pixel: usize, radius: f64) -> bool {
     let (x, y) = ((pixel % 64) as f64 - 31.5, (pixel / 64) as f64 - 31.5);
-    x.hypot(y) < radius
+    libm::hypot(x, y) < radius
 }
 
 /// Rays aimed at the very edges and corners of closed meshes: from outside each meets one, from inside none gets out.

@@ -111,8 +111,8 @@ fn alike(name: &str, a: &Shown, b: &Shown) {
         "{name}: {:+.4} %, {:+.1} standard errors of {:.3} %: a bias of {:.2} % would fail",
         part * 100.0,
         b.apart(a),
-        a.error.hypot(b.error) / a.mean * 100.0,
-        4.9 * a.error.hypot(b.error) / a.mean * 100.0
+        libm::hypot(a.error, b.error) / a.mean * 100.0,
+        4.9 * libm::hypot(a.error, b.error) / a.mean * 100.0
     );
     assert!(a.mean > 0.05 && a.error < 0.004 * a.mean, "{name}: no power: {} ± {}", a.mean, a.error);
     assert!(b.apart(a).abs() < 4.9, "{name}: {} ± {} against {} ± {}", b.mean, b.error, a.mean, a.error);

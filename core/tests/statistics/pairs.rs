@@ -159,7 +159,7 @@ fn compare_strategies(folder: &Path, scenes: &[(&str, String)], ways: &[Strategy
             rows.push(vec![
                 format!("{name}: {strategy:?}"),
                 format!("{:+.2} %", part * 100.0),
-                format!("{:.2} %", alone.error.hypot(both.error) / both.mean * 100.0),
+                format!("{:.2} %", libm::hypot(alone.error, both.error) / both.mean * 100.0),
                 format!("{apart:+.1}"),
                 format!("{tile:.1}"),
             ]);

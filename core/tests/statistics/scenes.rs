@@ -118,7 +118,7 @@ impl Shown {
 
     /// Its distance from another picture's mean, in standard errors of both.
     pub(crate) fn apart(&self, other: &Self) -> f64 {
-        (self.mean - other.mean) / self.error.hypot(other.error).max(1e-9)
+        (self.mean - other.mean) / libm::hypot(self.error, other.error).max(1e-9)
     }
 }
 

@@ -122,7 +122,7 @@ fn a_scene_without_camera_is_seen_whole() {
     let (converted, description) = ok(&file);
     let Camera::Perspective { vfov, transform, .. } = description.camera;
     let view = transform.inverse();
-    let half = (f64::from(vfov).to_radians() / 2.0).tan();
+    let half = libm::tan(f64::from(vfov).to_radians() / 2.0);
     for (x, y) in [(0.0, 0.0), (1000.0, 0.0), (1000.0, 10.0), (0.0, 10.0)] {
         let p = view.transform_point3(glam::DVec3::new(5e6 + x, y, 0.0));
         let across = p.truncate().length() / (-p.z * half);

@@ -96,20 +96,20 @@ fn angles_of_view_follow_their_axis() {
         within(&folder(&[("scene.xml", &text)])).map(|found| found.document["camera"]["vfov"].clone())
     };
     let of = |axis: &str| format!("<float name='fov' value='90'/><string name='fov_axis' value='{axis}'/>");
-    let down = 2.0 * 0.5_f64.atan().to_degrees();
+    let down = 2.0 * libm::atan(0.5_f64).to_degrees();
     for (size, axis, expected) in [
         ([200, 100], "x", down),
         ([200, 100], "y", 90.0),
         ([200, 100], "smaller", 90.0),
         ([200, 100], "larger", down),
-        ([100, 200], "smaller", 2.0 * 2.0_f64.atan().to_degrees()),
+        ([100, 200], "smaller", 2.0 * libm::atan(2.0_f64).to_degrees()),
         ([100, 200], "larger", 90.0),
-        ([300, 400], "diagonal", 2.0 * 0.8_f64.atan().to_degrees()),
+        ([300, 400], "diagonal", 2.0 * libm::atan(0.8_f64).to_degrees()),
     ] {
         near(&vfov(size, &of(axis)).unwrap(), expected);
     }
     near(&vfov([200, 100], "<float name='fov' value='90'/>").unwrap(), down);
-    let lens = 2.0 * (36.0_f64.hypot(24.0) / 100.0 / 1.25_f64.hypot(1.0)).atan().to_degrees();
+    let lens = 2.0 * libm::atan(libm::hypot(36.0, 24.0) / 100.0 / libm::hypot(1.25, 1.0)).to_degrees();
     near(&vfov([125, 100], "<string name='focalLength' value='50mm'/>").unwrap(), lens);
     for wrong in [&of("z"), "<float name='fov' value='180'/>", "<string name='focal_length' value='long'/>"] {
         assert!(vfov([200, 100], wrong).unwrap_err().contains("DIR/scene.xml:1: found"), "{wrong}");

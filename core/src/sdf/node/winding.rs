@@ -1,5 +1,7 @@
 //! Owns the two ways of winding a child: twist and bend.
 
+use glam::Vec3Swizzles as _;
+
 use crate::math::Aabb;
 use crate::sdf::error::{SdfError, require};
 use crate::sdf::real::{Point, Real};
@@ -60,8 +62,8 @@ impl Winding {
         }
         let farthest = hull.max.max(-hull.min);
         let (radius, low, high) = match self.axis {
-            Axis::Twist => (farthest.x.hypot(farthest.z), hull.min.y, hull.max.y),
-            Axis::Bend => (farthest.x.hypot(farthest.y), hull.min.z, hull.max.z),
+            Axis::Twist => (farthest.xz().length(), hull.min.y, hull.max.y),
+            Axis::Bend => (farthest.xy().length(), hull.min.z, hull.max.z),
         };
         let turn = f64::from(self.rate.abs()) * f64::from(radius * OUTER);
         let stretch = match self.axis {

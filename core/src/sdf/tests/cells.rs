@@ -11,13 +11,13 @@ fn heap(count: u32, k: f32) -> Sdf {
         let mut random = Random(35);
         let parts: Vec<_> = (0..count)
             .map(|i| {
-                let size = 2.0 / (count as f32).cbrt();
+                let size = 2.0 / libm::cbrtf(count as f32);
                 let part = match i % 3 {
                     0 => t.sphere(0.3 * size),
                     1 => t.rounded_box(Vec3::splat(0.5 * size), 0.05 * size),
                     _ => t.torus(0.3 * size, 0.1 * size),
                 };
-                moved(t, part, random.direction() * 2.0 * random.next().cbrt())
+                moved(t, part, random.direction() * 2.0 * libm::cbrtf(random.next()))
             })
             .collect();
         t.smooth_union(&parts, k)

@@ -190,7 +190,7 @@ pub(super) fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
                     println!("{name}: {view:?} {ray:?} found {t}, {exactly} is proven");
                 }
                 record.depths.push(depth);
-                let angle = n.cross(steepest).length().atan2(n.dot(steepest)).to_degrees();
+                let angle = libm::atan2(n.cross(steepest).length(), n.dot(steepest)).to_degrees();
                 if !edge && angle > 1.0 {
                     println!("{name}: {view:?} {ray:?}: normal {n} instead of {steepest} at {p}");
                 }
