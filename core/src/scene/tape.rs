@@ -27,33 +27,14 @@ fn push(builder: &mut TapeBuilder, node: &SdfNode) -> NodeId {
             builder.mandelbulb(*power, *iterations, *bailout)
         }
         SdfNode::Julia { c, iterations } => builder.julia(*c, *iterations),
-        SdfNode::FbmNoiseSphere { radius, amplitude, frequency, octaves, gain, lacunarity, seed } => {
-            let ball = builder.sphere(*radius);
-            builder.fbm_noise(
-                ball,
-                NoiseParameters {
-                    amplitude: *amplitude,
-                    frequency: *frequency,
-                    octaves: *octaves,
-                    gain: *gain,
-                    lacunarity: *lacunarity,
-                    seed: *seed,
-                },
-            )
+        &SdfNode::FbmNoiseSphere { radius, amplitude, frequency, octaves, gain, lacunarity, seed } => {
+            let ball = builder.sphere(radius);
+            builder.fbm_noise(ball, NoiseParameters { amplitude, frequency, octaves, gain, lacunarity, seed })
         }
-        SdfNode::FbmNoise { amplitude, frequency, octaves, gain, lacunarity, seed, child } => {
+        &SdfNode::FbmNoise { amplitude, frequency, octaves, gain, lacunarity, seed, ref child } => {
             let child = push(builder, child);
-            builder.fbm_noise(
-                child,
-                NoiseParameters {
-                    amplitude: *amplitude,
-                    frequency: *frequency,
-                    octaves: *octaves,
-                    gain: *gain,
-                    lacunarity: *lacunarity,
-                    seed: *seed,
-                },
-            )
+            builder
+                .fbm_noise(child, NoiseParameters { amplitude, frequency, octaves, gain, lacunarity, seed })
         }
         SdfNode::Union { children } => {
             let children = push_all(builder, children);

@@ -217,11 +217,12 @@ pub(super) fn examine(name: &str, sdf: &Sdf, count: u32) -> Record {
     record
 }
 
-fn examine_all(count: u32) {
+#[test]
+fn rays_hit_what_intervals_prove() {
     let (mut rays, mut mismatches, mut open) = (0, 0, 0);
     let mut evaluations = [[0_u64; 2]; 2];
     for (name, sdf) in objects() {
-        let mut r = examine(&name, &sdf, count);
+        let mut r = examine(&name, &sdf, 4096);
         let (depth, normal) = (percentile(&mut r.depths, 0.99), percentile(&mut r.normals, 0.99));
         println!(
             "{name:>21}: {} hits, {} mismatches, {} thin, {} open, {} on edges; p99 depth {depth:.1e}, normal {normal:.1e}°; \
@@ -254,17 +255,6 @@ fn examine_all(count: u32) {
         evaluations[1][0] as f64 / evaluations[1][1] as f64
     );
     assert!(mismatches * 10_000 <= rays, "{mismatches} of {rays}");
-}
-
-#[test]
-fn rays_hit_what_intervals_prove() {
-    examine_all(256);
-}
-
-#[test]
-#[ignore = "minutes: 4096 rays of every object"]
-fn many_rays_hit_what_intervals_prove() {
-    examine_all(4096);
 }
 
 #[test]
