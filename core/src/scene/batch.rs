@@ -14,7 +14,7 @@ pub struct Marching {
     pub stats: MarchStats,
 }
 
-/// Rays and the objects made of distance functions whose boxes they enter.
+/// Rays and the objects whose boxes they enter and that they must be marched to.
 #[derive(Debug, Default)]
 struct Waiting {
     /// Objects, those of a ray together, nearer boxes first.
@@ -83,7 +83,7 @@ impl Scene {
         for &ray in active {
             let first = waiting.objects.len();
             hits[ray as usize] = self.nearest(&rays[ray as usize], spread, stats, |number, object| {
-                let marched = object.distance_function().is_some();
+                let marched = object.is_marched();
                 if marched {
                     waiting.objects.push(number);
                 }
@@ -144,7 +144,7 @@ impl Scene {
             let mut whole = slots.iter().filter(|&&slot| !self.objects[slot as usize].holes);
             whole.any(|&slot| {
                 let object = &self.objects[slot as usize];
-                let marched = object.distance_function().is_some();
+                let marched = object.is_marched();
                 if marched {
                     waiting.objects.push(slot);
                 }

@@ -124,6 +124,11 @@ impl Object {
         }
     }
 
+    /// Whether rays are marched to it, which is done for many at a time.
+    pub(super) fn is_marched(&self) -> bool {
+        self.distance_function().is_some_and(|(sdf, _)| !sdf.is_closed())
+    }
+
     /// The hits of many rays with a distance function: `found` gets the name of a ray and its `t`.
     pub(super) fn march_all<N: Copy>(
         &self,
