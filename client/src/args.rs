@@ -363,6 +363,8 @@ pub(crate) enum LayerArg {
     Samples,
     /// The estimated error.
     Error,
+    /// Evaluations of distance functions per sample, of a scene that has them.
+    Evaluations,
     /// The denoised picture, of a job that denoises.
     Denoised,
 }
@@ -377,6 +379,7 @@ impl LayerArg {
             Self::Depth => &["Depth.Z"],
             Self::Samples => &["Samples.X"],
             Self::Error => &["Error.X"],
+            Self::Evaluations => &["Evaluations.X"],
             Self::Denoised => &["Denoised.R", "Denoised.G", "Denoised.B"],
         }
     }
@@ -387,7 +390,7 @@ impl LayerArg {
             Self::Color => Some(PreviewLayer::Color),
             Self::Albedo => Some(PreviewLayer::Albedo),
             Self::Normal => Some(PreviewLayer::Normal),
-            Self::Depth | Self::Samples | Self::Error | Self::Denoised => None,
+            Self::Depth | Self::Samples | Self::Error | Self::Evaluations | Self::Denoised => None,
         }
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use karst_core::film::{FrameSummary, Region};
 use serde::Serialize;
+use serde_json::Value;
 
 /// One rendered frame. Seconds are of the wall clock.
 #[derive(Clone, Debug, Serialize)]
@@ -28,6 +29,9 @@ pub(crate) struct Report {
     pub(crate) rel_mse_ci95: Option<[f64; 2]>,
     pub(crate) nonfinite_samples: u64,
     pub(crate) exhausted_rays: u64,
+    pub(crate) sdf_evaluations: u64,
+    /// Of the objects made of distance functions, the costliest first.
+    pub(crate) objects: Value,
     /// Of the whole process so far; 0 where the system does not tell.
     pub(crate) peak_rss_bytes: u64,
     /// Seconds of each part of the work.
@@ -54,6 +58,8 @@ impl Report {
             rel_mse_ci95: summary.rel_mse_ci95,
             nonfinite_samples: counters.nan_samples + counters.infinite_samples,
             exhausted_rays: counters.exhausted_rays,
+            sdf_evaluations: counters.sdf_evaluations,
+            objects: Value::Null,
             peak_rss_bytes: peak_rss_bytes(),
             stages: BTreeMap::new(),
         }

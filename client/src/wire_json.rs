@@ -93,6 +93,7 @@ fn statistics_json(statistics: &Statistics) -> Value {
         "shadow_rays": statistics.shadow_rays,
         "nonfinite_samples": statistics.nonfinite_samples,
         "exhausted_rays": statistics.exhausted_rays,
+        "sdf_evaluations": statistics.sdf_evaluations,
     })
 }
 

@@ -84,6 +84,7 @@ fn exr_by(
         depth: None,
         samples: None,
         error: None,
+        evaluations: None,
         denoised: denoised.as_deref(),
     };
     std::fs::write(path, write_exr(&layers, statistics).unwrap()).unwrap();

@@ -68,6 +68,8 @@ fn a_report_has_what_was_agreed() {
         "rel_mse",
         "rel_mse_ci95",
         "exhausted_rays",
+        "sdf_evaluations",
+        "objects",
         "peak_rss_bytes",
         "stages",
     ] {

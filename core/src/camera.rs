@@ -52,6 +52,11 @@ impl Camera {
         Ray::new(self.view.transform.point(origin), self.view.transform.vector(direction).normalize())
     }
 
+    /// Where it stands, in the world.
+    pub fn position(&self) -> Vec3 {
+        self.view.transform.point(Vec3::ZERO)
+    }
+
     /// Half the width of a pixel per unit of distance.
     pub fn pixel_spread(&self) -> f32 {
         self.half.y * self.per_pixel.y * 0.5

@@ -194,6 +194,7 @@ pub fn statistics_to_wire(counters: &Counters) -> v1::Statistics {
         shadow_rays: counters.shadow_rays,
         nonfinite_samples: counters.nan_samples + counters.infinite_samples,
         exhausted_rays: counters.exhausted_rays,
+        sdf_evaluations: counters.sdf_evaluations,
     }
 }
 

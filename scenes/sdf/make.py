@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Makes one small scene for every node of distance functions, and three close-ups of fractals, all on one stage.
+"""Makes one small scene for every node of distance functions, for every texture in their space, and three close-ups of
+fractals, all on one stage.
 
     python3 make.py            writes NAME.json for every scene, and cove.obj
     python3 make.py --check    writes nothing; fails where a committed file is not what would be written
@@ -28,6 +29,15 @@ PALETTE = {
     "brass": {"type": "principled_bsdf", "base_color": [0.85, 0.62, 0.28], "metallic": 1, "roughness": 0.35},
     "steel": {"type": "principled_bsdf", "base_color": [0.62, 0.64, 0.67], "metallic": 1, "roughness": 0.35},
     "glass": {"type": "dielectric", "ior": 1.5, "specular_transmittance": [0.93, 0.98, 0.97]},
+    "blocks": {"type": "principled_bsdf", "roughness": 0.4, "base_color": {
+        "type": "solid_checkerboard", "color0": [0.75, 0.68, 0.55], "color1": [0.1, 0.17, 0.42],
+        "transform": {"scale": 1.6}}},
+    "heights": {"type": "principled_bsdf", "roughness": 0.6, "base_color": {
+        "type": "solid_fbm", "color0": [0.16, 0.05, 0.03], "color1": [0.95, 0.78, 0.5],
+        "low": -0.15, "high": 0.3, "frequency": 1.6, "octaves": 5, "seed": 3}},
+    "orbits": {"type": "principled_bsdf", "roughness": 0.5, "base_color": {
+        "type": "orbit_trap", "trap": "axes", "near": 0.02, "far": 0.55,
+        "color0": [0.85, 0.42, 0.08], "color1": [0.07, 0.16, 0.3]}},
 }
 SUN = {"type": "sun", "direction": [1, -1, -0.9], "irradiance": [2.3, 2.1, 1.8], "angular_size": 6}
 
@@ -179,6 +189,19 @@ def space():
     }
 
 
+def textures():
+    """A scene for every texture in the space of the object."""
+    rock = node("fbm_noise_sphere", radius=0.85, amplitude=0.22, frequency=1.6, octaves=5, seed=3)
+    carved = node("smooth_difference", k=0.2, children={"block": node("rounded_box", size=[1.5, 1.5, 1.5], radius=0.12),
+                                                        "ball": moved(sphere(0.72), [0.45, 0.5, 0.45])})
+    bulb = node("mandelbulb", power=8)
+    return {
+        "solid_checkerboard": scene({"block": placed("blocks", carved, [0, 0.75, 0], [0, 12, 0])}),
+        "solid_fbm": scene({"rock": placed("heights", rock, [0, 0.95, 0])}),
+        "orbit_trap": scene({"bulb": placed("orbits", bulb, [0, 1.05, 0], [20, 15, 0], 0.95)}),
+    }
+
+
 def closeups():
     """Close-ups of fractals."""
     bulb = {"bulb": placed("bone", node("mandelbulb", power=8))}
@@ -219,7 +242,7 @@ def lines(value, key=None, indent=0):
 
 def files():
     """What is written: text by file name."""
-    scenes = {**primitives(), **operators(), **space(), **closeups()}
+    scenes = {**primitives(), **operators(), **space(), **textures(), **closeups()}
     return {"cove.obj": cove_obj(), **{f"{name}.json": lines(document) + "\n" for name, document in scenes.items()}}
 
 

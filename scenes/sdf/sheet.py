@@ -22,7 +22,8 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 NODES = """sphere box rounded_box ellipsoid cylinder cone capsule torus plane mandelbulb julia fbm_noise_sphere
     union intersection difference smooth_union smooth_intersection smooth_difference
-    transform twist bend repetition repetition_infinite fbm_noise""".split()
+    transform twist bend repetition repetition_infinite fbm_noise
+    solid_checkerboard solid_fbm orbit_trap""".split()
 CLOSE = ["mandelbulb_valley", "mandelbulb_power_4", "julia_close"]
 
 

@@ -69,6 +69,9 @@ pub struct Statistics {
     pub nonfinite: u64,
     /// Rays that ran out of marching steps.
     pub exhausted: u64,
+    /// Evaluations of distance functions.
+    #[serde(default)]
+    pub sdf_evaluations: u64,
 }
 
 impl std::ops::Add for Statistics {
@@ -81,6 +84,7 @@ impl std::ops::Add for Statistics {
             shadow_rays: self.shadow_rays + other.shadow_rays,
             nonfinite: self.nonfinite + other.nonfinite,
             exhausted: self.exhausted + other.exhausted,
+            sdf_evaluations: self.sdf_evaluations + other.sdf_evaluations,
         }
     }
 }

@@ -258,6 +258,7 @@ mod tests {
             depth: vec![0.0; 3],
             samples: vec![1.0; 3],
             error: vec![0.0; 3],
+            evaluations: Vec::new(),
             color,
         };
         let half = half_picture(&picture, Layer::Color, 1);

@@ -89,7 +89,7 @@ impl View {
         loop {
             let Next::Tile(frame, tile) = self.viewer.next().await else { return Ok(None) };
             let state = match live_tile(shared, &self.job.id, frame, tile) {
-                Looked::Live(state) => state,
+                Looked::Live(state) => state.map(|state| *state),
                 Looked::Gone => {
                     if self.stored.as_ref().is_none_or(|s| s.frame != frame) {
                         self.stored = self.read(shared, frame).await?;
@@ -144,7 +144,7 @@ async fn wanted_frames(
 /// What was found of a tile in memory.
 enum Looked {
     /// The frame is being rendered; the tile may have no round yet.
-    Live(Option<TileState>),
+    Live(Option<Box<TileState>>),
     /// The frame is not in memory.
     Gone,
 }
@@ -154,11 +154,12 @@ fn live_tile(shared: &Shared, job: &str, frame: i32, tile: u32) -> Looked {
     let Some(live) = shared.live.get(job, frame) else { return Looked::Gone };
     let merged = live.merged();
     let rounds = merged.rounds[tile as usize];
-    Looked::Live((rounds > 0).then(|| TileState {
+    let state = || TileState {
         frame,
         tile,
         rounds,
         is_final: merged.complete,
         picture: merged.film.region(live.grid.tile_region(tile)),
-    }))
+    };
+    Looked::Live((rounds > 0).then(|| Box::new(state())))
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use karst_client::Error;
-use karst_core::encode::{exr, png, statistics};
+use karst_core::encode::{exr, object_statistics, png, statistics};
 use karst_core::film::{Film, Picture};
 use karst_core::scene::Scene;
 use karst_denoise::{Denoiser, Input, Mode};
@@ -35,7 +35,8 @@ impl<'a> Pictures<'a> {
             DenoiseArg::Color => Some(denoise_picture(&noisy, Mode::Color, threads)?),
             DenoiseArg::Full => Some(denoise_picture(&noisy, Mode::Full, threads)?),
         };
-        let statistics = statistics(frame, scene.sampling().seed, &film.summary());
+        let objects = object_statistics(scene.function_names(), film.objects());
+        let statistics = statistics(frame, scene.sampling().seed, &film.summary(), &objects);
         Ok(Self { scene, noisy, denoised, statistics })
     }
 

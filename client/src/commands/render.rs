@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use karst_client::{Error, OpenScene, open_scene, scene_error};
+use karst_core::encode::object_statistics;
 use karst_core::film::{Film, FrameSummary};
 use karst_core::render::{FrameObserver, Progress, render_frame};
 use karst_core::scene::{Assets, Document, Goal, Limits, Scene};
@@ -118,6 +119,7 @@ impl Job<'_> {
         let summary = film.summary();
         let threads = self.pool.current_num_threads();
         let mut report = Report::of(&summary, film.window(), frame, threads);
+        report.objects = object_statistics(scene.function_names(), film.objects());
         report.rendered_in(rendered - built);
         let pictures = Pictures::new(&film, &scene, frame, self.args.work.denoise, threads)?;
         let denoised = wall.seconds();

@@ -135,6 +135,7 @@ mod tests {
             depth: None,
             samples: None,
             error: None,
+            evaluations: None,
             denoised: None,
         };
         write_exr(&layers, &json!({"a": 1})).unwrap()

@@ -36,6 +36,8 @@ pub struct Layers<'a> {
     pub samples: Option<&'a [f32]>,
     /// Estimate of the relative error per pixel.
     pub error: Option<&'a [f32]>,
+    /// Evaluations of distance functions per sample.
+    pub evaluations: Option<&'a [f32]>,
     /// Denoised radiance.
     pub denoised: Option<&'a [Vec3]>,
 }
@@ -71,6 +73,7 @@ pub fn exr(
         depth: Some(&picture.depth),
         samples: Some(&picture.samples),
         error: Some(&picture.error),
+        evaluations: (!picture.evaluations.is_empty()).then_some(&picture.evaluations),
         denoised,
     };
     write_exr(&layers, statistics)
@@ -92,6 +95,7 @@ pub fn write_exr(layers: &Layers<'_>, statistics: &serde_json::Value) -> Result<
     planes.scalar("Depth.Z", "depth", layers.depth)?;
     planes.scalar("Samples.X", "samples", layers.samples)?;
     planes.scalar("Error.X", "error", layers.error)?;
+    planes.scalar("Evaluations.X", "evaluations", layers.evaluations)?;
     planes.vector(["Denoised.R", "Denoised.G", "Denoised.B"], "denoised", layers.denoised)?;
 
     let mut own = LayerAttributes {
@@ -224,6 +228,7 @@ mod tests {
             depth: Some(&depth),
             samples: Some(&samples),
             error: Some(&samples),
+            evaluations: Some(&depth),
             denoised: Some(&color),
         };
         write_exr(&layers, &json!({"scene": "höhle 🦇", "spp_mean": 64.5, "seed": 0})).unwrap()
@@ -236,8 +241,8 @@ mod tests {
         assert_eq!(image.origin, (10, 20));
         assert_eq!(image.full, (100, 60));
         let names: Vec<&str> = image.channels.iter().map(|(name, _)| name.as_str()).collect();
-        let expected = "Albedo.B Albedo.G Albedo.R B Denoised.B Denoised.G Denoised.R Depth.Z Error.X G \
-                        Normal.X Normal.Y Normal.Z R Samples.X";
+        let expected = "Albedo.B Albedo.G Albedo.R B Denoised.B Denoised.G Denoised.R Depth.Z Error.X Evaluations.X \
+                        G Normal.X Normal.Y Normal.Z R Samples.X";
         assert_eq!(names.join(" "), expected);
         let color = ramp(35 * 21, 0.37);
         for (axis, name) in ["R", "G", "B"].into_iter().enumerate() {
@@ -290,6 +295,7 @@ mod tests {
             depth: None,
             samples: None,
             error: None,
+            evaluations: None,
             denoised: Some(&color[1..]),
         };
         let error = write_exr(&layers, &json!({})).unwrap_err();

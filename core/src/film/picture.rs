@@ -22,4 +22,6 @@ pub struct Picture {
     pub samples: Vec<f32>,
     /// Estimated relative error, the same over a block; infinite where it is unknown.
     pub error: Vec<f32>,
+    /// Evaluations of distance functions per sample; empty where the scene has none.
+    pub evaluations: Vec<f32>,
 }

@@ -1,6 +1,7 @@
 //! Owns what a rendered tile carries: sums of its samples, and their bytes as they are hashed, stored and sent.
 
 use super::{Region, Round, SampleRange, TileGrid};
+use crate::sdf::MarchStats;
 use glam::Vec3;
 use half::f16;
 
@@ -130,6 +131,8 @@ pub struct BlockResult {
     pub spread: [f32; 2],
     /// Its pixels, row by row.
     pub pixels: Vec<PixelSums>,
+    /// Evaluations of distance functions by pixel; empty where the scene has none.
+    pub evaluations: Vec<u32>,
 }
 
 /// The result of a task (frame, round, tile).
@@ -143,20 +146,23 @@ pub struct TileResult {
     pub blocks: Vec<BlockResult>,
     /// What was counted.
     pub counters: Counters,
+    /// What rays cost by object made of distance functions, in the order of the document.
+    pub objects: Vec<MarchStats>,
 }
 
 impl TileResult {
-    const MAGIC: [u8; 4] = *b"KTR1";
+    const MAGIC: [u8; 4] = *b"KTR2";
 
     /// The result as bytes, little endian: what is hashed, stored and sent.
     pub fn to_bytes(&self) -> Vec<u8> {
         let pixels: usize = self.blocks.iter().map(|b| b.pixels.len()).sum();
-        let mut out = Vec::with_capacity(128 + self.blocks.len() * 28 + pixels * PixelSums::BYTES);
+        let bytes = pixels * (PixelSums::BYTES + 4) + self.objects.len() * OBJECT_BYTES;
+        let mut out = Vec::with_capacity(128 + self.blocks.len() * 28 + bytes);
         out.extend(Self::MAGIC);
         for word in [self.tile, self.round, self.blocks.len() as u32] {
             out.extend(word.to_le_bytes());
         }
-        out.extend(self.counters.words().iter().flat_map(|w| w.to_le_bytes()));
+        write_counters(&self.counters, &self.objects, &mut out);
         for block in &self.blocks {
             let range = &block.range;
             for word in [block.block, range.a.start, range.a.end, range.b.start, range.b.end] {
@@ -166,6 +172,7 @@ impl TileResult {
             for pixel in &block.pixels {
                 pixel.write(&mut out);
             }
+            out.extend(block.evaluations.iter().flat_map(|e| e.to_le_bytes()));
         }
         out
     }
@@ -181,16 +188,17 @@ impl TileResult {
         if tile >= grid.tile_count() || index != round.index {
             return Err(ResultError::Plan("another tile or round"));
         }
-        let counters = reader.counters()?;
+        let (counters, objects) = reader.counters()?;
         let planned: Vec<u32> =
             grid.tile_blocks(tile).filter(|&b| !round.blocks[b as usize].is_empty()).collect();
         if planned.len() != count as usize {
             return Err(ResultError::Plan("another number of blocks"));
         }
-        let read = |block| Self::read_block(&mut reader, block, round, grid.block_region(block));
+        let counted = !objects.is_empty();
+        let read = |block| Self::read_block(&mut reader, block, round, grid.block_region(block), counted);
         let blocks = planned.into_iter().map(read).collect::<Result<_, _>>()?;
         reader.finish()?;
-        Ok(Self { tile, round: index, blocks, counters })
+        Ok(Self { tile, round: index, blocks, counters, objects })
     }
 
     fn read_block(
@@ -198,6 +206,7 @@ impl TileResult {
         block: u32,
         round: &Round,
         region: Region,
+        counted: bool,
     ) -> Result<BlockResult, ResultError> {
         let found = reader.u32()?;
         let range = SampleRange { a: reader.u32()?..reader.u32()?, b: reader.u32()?..reader.u32()? };
@@ -206,7 +215,8 @@ impl TileResult {
         }
         let spread = [reader.f32()?, reader.f32()?];
         let pixels = (0..region.area()).map(|_| PixelSums::read(reader)).collect::<Result<_, _>>()?;
-        Ok(BlockResult { block, range, spread, pixels })
+        let evaluations = reader.evaluations(if counted { region.area() } else { 0 })?;
+        Ok(BlockResult { block, range, spread, pixels, evaluations })
     }
 }
 
@@ -246,12 +256,32 @@ impl<'a> Reader<'a> {
         self.take().map(f16::from_le_bytes)
     }
 
-    pub(super) fn counters(&mut self) -> Result<Counters, ResultError> {
+    /// What [`write_counters`] wrote.
+    pub(super) fn counters(&mut self) -> Result<(Counters, Vec<MarchStats>), ResultError> {
         let mut words = [0; Counters::WORDS];
         for word in &mut words {
             *word = self.u64()?;
         }
-        Ok(Counters::from_words(&words))
+        let count = self.u32()? as usize;
+        if count > self.left() / OBJECT_BYTES {
+            return Err(ResultError::Truncated);
+        }
+        let mut object = || -> Result<MarchStats, ResultError> {
+            Ok(MarchStats {
+                rays: self.u64()?,
+                evaluations: self.u64()?,
+                exhausted: self.u64()?,
+                overshoots: self.u64()?,
+                brackets: self.u64()?,
+            })
+        };
+        let objects = (0..count).map(|_| object()).collect::<Result<_, _>>()?;
+        Ok((Counters::from_words(&words), objects))
+    }
+
+    /// Numbers of evaluations of so many pixels.
+    pub(super) fn evaluations(&mut self, pixels: usize) -> Result<Vec<u32>, ResultError> {
+        (0..pixels).map(|_| self.u32()).collect()
     }
 
     /// Bytes that are left.
@@ -264,6 +294,16 @@ impl<'a> Reader<'a> {
     }
 }
 
-pub(super) fn write_counters(counters: &Counters, out: &mut Vec<u8>) {
+/// Bytes of what is counted of one object.
+const OBJECT_BYTES: usize = 40;
+
+pub(super) fn write_counters(counters: &Counters, objects: &[MarchStats], out: &mut Vec<u8>) {
     out.extend(counters.words().iter().flat_map(|w| w.to_le_bytes()));
+    out.extend((objects.len() as u32).to_le_bytes());
+    for object in objects {
+        let MarchStats { rays, evaluations, exhausted, overshoots, brackets } = object;
+        for word in [rays, evaluations, exhausted, overshoots, brackets] {
+            out.extend(word.to_le_bytes());
+        }
+    }
 }

@@ -6,6 +6,7 @@
 
 use super::result::{Reader, write_counters};
 use super::{BLOCK, Counters, FrameSize, Picture, PixelSums, Region, ResultError, TileGrid, TileResult};
+use crate::sdf::MarchStats;
 use glam::Vec3;
 use half::f16;
 
@@ -50,7 +51,7 @@ struct Block {
     spread_samples: [u32; 2],
 }
 
-/// The merged state of one frame; 40 bytes a pixel.
+/// The merged state of one frame; 40 bytes a pixel, 44 in scenes with distance functions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Film {
     size: FrameSize,
@@ -60,11 +61,15 @@ pub struct Film {
     blocks: Vec<Block>,
     /// Block by block, each row by row, so that a tile touches whole runs.
     pixels: Vec<Vec<PixelSums>>,
+    /// Evaluations of distance functions, in the order of `pixels`; empty where there are none.
+    evaluations: Vec<Vec<u32>>,
     counters: Counters,
+    /// What rays cost by object made of distance functions.
+    objects: Vec<MarchStats>,
 }
 
 impl Film {
-    const MAGIC: [u8; 4] = *b"KFM1";
+    const MAGIC: [u8; 4] = *b"KFM2";
 
     /// An empty film over `window`; `exposure` in stops scales the error measure.
     pub fn new(size: FrameSize, window: Region, exposure: f32) -> Self {
@@ -76,8 +81,16 @@ impl Film {
             scale: crate::math::powf(2.0, exposure),
             blocks: vec![Block::default(); count as usize],
             pixels: (0..count).map(|b| vec![PixelSums::ZERO; grid.block_region(b).area()]).collect(),
+            evaluations: vec![Vec::new(); count as usize],
             counters: Counters::default(),
+            objects: Vec::new(),
         }
+    }
+
+    /// What rays cost by object made of distance functions, in the order of the document; empty before the first
+    /// result.
+    pub fn objects(&self) -> &[MarchStats] {
+        &self.objects
     }
 
     /// The rendered part of the frame.
@@ -95,6 +108,10 @@ impl Film {
     /// # Errors
     /// The result's blocks or samples do not continue what the film holds; nothing is added then.
     pub fn merge(&mut self, result: &TileResult) -> Result<(), ResultError> {
+        let functions = result.objects.len();
+        if self.counters.samples > 0 && functions != self.objects.len() {
+            return Err(ResultError::Plan("another number of objects made of distance functions"));
+        }
         for block in &result.blocks {
             let Some(have) = self.blocks.get(block.block as usize) else {
                 return Err(ResultError::Plan("a block outside the film"));
@@ -103,11 +120,18 @@ impl Film {
             if starts != have.samples || block.pixels.len() != self.pixels[block.block as usize].len() {
                 return Err(ResultError::Plan("samples that do not continue the film's"));
             }
+            if block.evaluations.len() != if functions > 0 { block.pixels.len() } else { 0 } {
+                return Err(ResultError::Plan("evaluations of another number of pixels"));
+            }
         }
         for block in &result.blocks {
             self.merge_block(block);
         }
         self.counters.add(&result.counters);
+        self.objects.resize(functions, MarchStats::default());
+        for (object, more) in self.objects.iter_mut().zip(&result.objects) {
+            object.add(more);
+        }
         Ok(())
     }
 
@@ -129,6 +153,11 @@ impl Film {
             pixel.depth = pixel.depth.min(new.depth);
             blend(&mut pixel.albedo, new.albedo, weight);
             blend(&mut pixel.normal, new.normal, weight);
+        }
+        let evaluations = &mut self.evaluations[from.block as usize];
+        evaluations.resize(from.evaluations.len(), 0);
+        for (sum, more) in evaluations.iter_mut().zip(&from.evaluations) {
+            *sum = sum.saturating_add(*more);
         }
     }
 
@@ -206,6 +235,7 @@ impl Film {
             depth: vec![f32::INFINITY; n],
             samples: vec![0.0; n],
             error: vec![f32::INFINITY; n],
+            evaluations: if self.objects.is_empty() { Vec::new() } else { vec![0.0; n] },
         };
         for block in 0..self.grid.block_count() {
             let of_block = self.grid.block_region(block);
@@ -231,6 +261,9 @@ impl Film {
             picture.depth[to] = pixel.depth;
             picture.samples[to] = (samples[0] + samples[1]) as f32;
             picture.error[to] = error;
+            if let Some(&sum) = self.evaluations[block].get(from) {
+                picture.evaluations[to] = sum as f32 / (samples[0] + samples[1]).max(1) as f32;
+            }
         }
     }
 
@@ -243,8 +276,8 @@ impl Film {
             out.extend(word.to_le_bytes());
         }
         out.extend(self.scale.to_le_bytes());
-        write_counters(&self.counters, &mut out);
-        for (block, pixels) in self.blocks.iter().zip(&self.pixels) {
+        write_counters(&self.counters, &self.objects, &mut out);
+        for ((block, pixels), evaluations) in self.blocks.iter().zip(&self.pixels).zip(&self.evaluations) {
             for word in block.samples.iter().chain(&block.spread_samples) {
                 out.extend(word.to_le_bytes());
             }
@@ -252,6 +285,10 @@ impl Film {
             for pixel in pixels {
                 pixel.write(&mut out);
             }
+            // Blocks without samples have none yet, and so many zeros in the file.
+            let missing = if self.objects.is_empty() { 0 } else { pixels.len() - evaluations.len() };
+            let counted = evaluations.iter().copied().chain(std::iter::repeat_n(0, missing));
+            out.extend(counted.flat_map(u32::to_le_bytes));
         }
         out
     }
@@ -265,18 +302,21 @@ impl Film {
         let size = FrameSize { width: reader.u32()?, height: reader.u32()? };
         let window = Region { x0: reader.u32()?, y0: reader.u32()?, x1: reader.u32()?, y1: reader.u32()? };
         let scale = reader.f32()?;
-        let counters = reader.counters()?;
+        let (counters, objects) = reader.counters()?;
         if window.intersection(&size.region()) != window || window.area() > reader.left() / PixelSums::BYTES {
             return Err(ResultError::Truncated);
         }
-        let mut film = Self { scale, counters, ..Self::new(size, window, 0.0) };
-        for (block, pixels) in film.blocks.iter_mut().zip(&mut film.pixels) {
+        let counted = !objects.is_empty();
+        let mut film = Self { scale, counters, objects, ..Self::new(size, window, 0.0) };
+        let blocks = film.blocks.iter_mut().zip(&mut film.pixels).zip(&mut film.evaluations);
+        for ((block, pixels), evaluations) in blocks {
             block.samples = [reader.u32()?, reader.u32()?];
             block.spread_samples = [reader.u32()?, reader.u32()?];
             block.spread = [reader.f64()?, reader.f64()?];
-            for pixel in pixels {
+            for pixel in &mut *pixels {
                 *pixel = PixelSums::read(&mut reader)?;
             }
+            *evaluations = reader.evaluations(if counted { pixels.len() } else { 0 })?;
         }
         reader.finish()?;
         Ok(film)

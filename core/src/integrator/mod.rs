@@ -31,6 +31,8 @@ pub struct Wave<'a> {
 /// The estimator is unidirectional path tracing with next-event estimation: light found by sampling a light and light
 /// found by scattering are weighed by the power heuristic (Veach 1997, section 9.2). A path's `beta` is the product of
 /// all its weights so far, the light that it then finds still missing.
+///
+/// What marching cost adds up in `paths` until [`Paths::take_tally`].
 pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut Counters) {
     stages::camera(scene, wave, paths);
     counters.samples += paths.len() as u64;
@@ -47,6 +49,4 @@ pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut C
         stages::shade(scene, bounce, paths);
         stages::shadow(scene, paths, counters);
     }
-    counters.sdf_evaluations += std::mem::take(&mut paths.marching.stats.evaluations);
-    counters.exhausted_rays += std::mem::take(&mut paths.marching.stats.exhausted);
 }

@@ -3,7 +3,7 @@
 use crate::light::Receiver;
 use crate::math::Ray;
 use crate::sampler::{Replicate, Sampler, Stream};
-use crate::scene::{Hit, Marching, Surface};
+use crate::scene::{Hit, Marching, Surface, Tally};
 use glam::Vec3;
 
 /// The auxiliary layers of one sample.
@@ -36,6 +36,8 @@ pub struct Paths {
     pub radiance: Vec<Vec3>,
     /// Auxiliary layers.
     pub features: Vec<Feature>,
+    /// Evaluations of distance functions; empty in scenes without any.
+    pub evaluations: Vec<u32>,
     pub(super) samplers: Vec<Sampler>,
     pub(super) rays: Vec<Ray>,
     /// Product of the weights of all decisions so far.
@@ -63,6 +65,11 @@ pub struct Paths {
 }
 
 impl Paths {
+    /// What marching cost since the last time.
+    pub fn take_tally(&mut self) -> Tally {
+        std::mem::take(&mut self.marching.tally)
+    }
+
     /// Number of paths of the wave.
     pub fn len(&self) -> usize {
         self.radiance.len()
@@ -73,8 +80,17 @@ impl Paths {
         self.radiance.is_empty()
     }
 
-    /// Starts over with `n` paths, keeping the memory.
-    pub(super) fn reset(&mut self, n: usize) {
+    /// Adds the evaluations since the tally said `before` to those of a path, where they are counted.
+    pub(super) fn count_evaluations(&mut self, path: usize, before: u64) {
+        if let Some(evaluations) = self.evaluations.get_mut(path) {
+            *evaluations += (self.marching.tally.evaluations() - before) as u32;
+        }
+    }
+
+    /// Starts over with `n` paths, `counted` of whose evaluations are counted, keeping the memory.
+    pub(super) fn reset(&mut self, n: usize, counted: usize) {
+        self.evaluations.clear();
+        self.evaluations.resize(counted, 0);
         self.radiance.clear();
         self.radiance.resize(n, Vec3::ZERO);
         self.features.clear();

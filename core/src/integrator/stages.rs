@@ -12,7 +12,8 @@ use glam::{Vec2, Vec3};
 
 /// Sends a ray through every sample of every pixel.
 pub(super) fn camera(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths) {
-    paths.reset(wave.samples.len() * wave.pixels.len());
+    let count = wave.samples.len() * wave.pixels.len();
+    paths.reset(count, if scene.function_count() > 0 { count } else { 0 });
     let mut path = 0;
     for sample in wave.samples.clone() {
         for &pixel in wave.pixels {
@@ -31,12 +32,19 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     counters.rays += paths.active.len() as u64;
     // Only camera rays have a footprint; scattered rays take the marcher's own resolution.
     let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
-    let Paths { rays, active, hits, marching, .. } = paths;
+    let Paths { rays, active, hits, marching, evaluations, .. } = paths;
     scene.intersect_all(rays, active, spread, hits, marching);
+    if scene.function_count() > 0 {
+        for &path in active.iter() {
+            evaluations[path as usize] += marching.spent[path as usize];
+        }
+    }
     if scene.has_holes() {
         for at in 0..paths.active.len() {
             let path = paths.active[at] as usize;
+            let before = paths.marching.tally.evaluations();
             paths.hits[path] = cross(scene, bounce, paths, path, paths.hits[path], spread);
+            paths.count_evaluations(path, before);
         }
     }
 }
@@ -66,10 +74,10 @@ fn cross(
         }
         paths.crossed[path] += found?.t;
         paths.rays[path].o = offset_origin(surface.p, surface.error, surface.ng, ray.d);
-        found = scene.intersect(&paths.rays[path], spread, &mut paths.marching.stats);
+        found = scene.intersect(&paths.rays[path], spread, &mut paths.marching.tally);
     }
     // Dark, as for shadow rays: what is behind so many surfaces is not the sky.
-    paths.marching.stats.exhausted += 1;
+    paths.marching.tally.lost += 1;
     paths.beta[path] = Vec3::ZERO;
     None
 }
@@ -244,10 +252,19 @@ fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, b
 /// Traces the queued shadow rays and adds what arrives.
 pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
     counters.shadow_rays += paths.shadows.len() as u64;
-    let Paths { shadows, blocked, marching, radiance, .. } = paths;
+    let Paths { shadows, blocked, marching, .. } = paths;
     scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, marching);
-    for (shadow, _) in shadows.iter().zip(blocked).filter(|(_, blocked)| !**blocked) {
-        let through = scene.transmittance(&shadow.ray, &mut marching.stats);
-        radiance[shadow.path as usize] += shadow.contribution * through;
+    for (shadow, &spent) in shadows.iter().zip(&marching.spent) {
+        paths.evaluations[shadow.path as usize] += spent;
+    }
+    for at in 0..paths.shadows.len() {
+        if paths.blocked[at] {
+            continue;
+        }
+        let ShadowRay { path, ray, contribution } = paths.shadows[at];
+        let before = paths.marching.tally.evaluations();
+        let through = scene.transmittance(&ray, &mut paths.marching.tally);
+        paths.count_evaluations(path as usize, before);
+        paths.radiance[path as usize] += contribution * through;
     }
 }

@@ -25,12 +25,14 @@ struct Pixel {
 pub(super) struct Accumulator {
     pixels: Vec<Pixel>,
     samples: [u32; 2],
+    /// Evaluations of distance functions by pixel; empty in scenes without any.
+    evaluations: Vec<u32>,
 }
 
 impl Accumulator {
     pub(super) fn new(pixels: usize) -> Self {
         let empty = Pixel { depth: f32::INFINITY, ..Pixel::default() };
-        Self { pixels: vec![empty; pixels], samples: [0; 2] }
+        Self { pixels: vec![empty; pixels], samples: [0; 2], evaluations: Vec::new() }
     }
 
     /// Adds a traced wave: one sample block, or a part of one at the ends of a range.
@@ -51,6 +53,18 @@ impl Accumulator {
             pixel.sum[r] += sum.as_dvec3();
             pixel.square[r] += square.as_dvec3();
         }
+        if !paths.evaluations.is_empty() {
+            self.evaluations.resize(n, 0);
+            for (path, &evaluations) in paths.evaluations.iter().enumerate() {
+                let sum = &mut self.evaluations[path % n];
+                *sum = sum.saturating_add(evaluations);
+            }
+        }
+    }
+
+    /// Evaluations of distance functions by pixel; empty in scenes without any.
+    pub(super) fn evaluations(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.evaluations)
     }
 
     /// The sums as the film takes them.

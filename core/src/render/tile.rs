@@ -6,6 +6,7 @@ use crate::integrator::{Paths, Wave, trace};
 use crate::math::powf;
 use crate::sampler::Replicate;
 use crate::scene::Scene;
+use crate::sdf::MarchStats;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,11 +32,16 @@ pub fn render_tile(
             return None;
         }
         let pixels: Vec<[u32; 2]> = grid.block_region(block).pixels().collect();
-        let sums = render_block(scene, &pixels, range, &mut paths, &mut counters);
+        let mut sums = render_block(scene, &pixels, range, &mut paths, &mut counters);
         let spread = sums.spread(powf(2.0, scene.exposure()));
-        blocks.push(BlockResult { block, range: range.clone(), spread, pixels: sums.pixels() });
+        let (pixels, evaluations) = (sums.pixels(), sums.evaluations());
+        blocks.push(BlockResult { block, range: range.clone(), spread, pixels, evaluations });
     }
-    Some(TileResult { tile, round: round.index, blocks, counters })
+    let mut tally = paths.take_tally();
+    counters.sdf_evaluations = tally.evaluations();
+    counters.exhausted_rays = tally.exhausted();
+    tally.objects.resize(scene.function_count(), MarchStats::default());
+    Some(TileResult { tile, round: round.index, blocks, counters, objects: tally.objects })
 }
 
 fn render_block(

@@ -3,7 +3,9 @@
 use super::compiled::Scene;
 use super::material::Model;
 use crate::bsdf::Bsdf;
-use glam::Vec2;
+use crate::sdf::Traps;
+use crate::texture::Place;
+use glam::{Vec2, Vec3};
 
 /// The direction in which a material reflects most.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,11 +30,17 @@ impl Scene {
     }
 }
 
+/// A place with something new in everything that textures look at.
+fn place(uv: Vec2) -> Place {
+    let traps = Traps { origin: uv.x, axes: uv.x, planes: uv.x };
+    Place { solid: Vec3::new(uv.x, uv.y, uv.x + uv.y), traps, ..uv.into() }
+}
+
 fn peak(material: usize, model: &Model) -> Option<AlbedoPeak> {
     let steps = if let Model::Ready(_) = model { 1 } else { POINTS };
     let at = |step: u32| (step as f32 + 0.5) / steps as f32;
     let points = (0..steps * steps).map(|i| Vec2::new(at(i % steps), at(i / steps)));
-    let bsdfs: Vec<_> = points.map(|uv| model.at(uv)).collect();
+    let bsdfs: Vec<_> = points.map(|uv| model.at(&place(uv))).collect();
     let peaks =
         bsdfs.iter().filter_map(|bsdf| if let Bsdf::Principled(p) = bsdf.as_ref() { Some(p) } else { None });
     peaks

@@ -2,16 +2,27 @@
 
 use super::compiled::Scene;
 use super::object::Hit;
+use super::tally::Tally;
 use crate::bvh::RayBoxes;
 use crate::math::Ray;
-use crate::sdf::MarchStats;
 
 /// What marching many rays needs, kept from batch to batch for its memory, and what it counts.
 #[derive(Debug, Default)]
 pub struct Marching {
     waiting: Waiting,
     /// What was counted so far.
-    pub stats: MarchStats,
+    pub tally: Tally,
+    /// Evaluations of distance functions by ray of the last batch; empty in scenes without such functions.
+    pub spent: Vec<u32>,
+}
+
+impl Marching {
+    /// Starts a batch of rays whose evaluations are counted.
+    fn start(&mut self, counted: usize) {
+        self.waiting.clear();
+        self.spent.clear();
+        self.spent.resize(counted, 0);
+    }
 }
 
 /// Rays and the objects whose boxes they enter and that they must be marched to.
@@ -78,11 +89,11 @@ impl Scene {
         hits: &mut [Option<Hit>],
         marching: &mut Marching,
     ) {
-        let Marching { waiting, stats } = marching;
-        waiting.clear();
+        marching.start(if self.function_count() > 0 { rays.len() } else { 0 });
+        let Marching { waiting, tally, spent } = marching;
         for &ray in active {
-            let first = waiting.objects.len();
-            hits[ray as usize] = self.nearest(&rays[ray as usize], spread, stats, |number, object| {
+            let (first, before) = (waiting.objects.len(), tally.evaluations());
+            hits[ray as usize] = self.nearest(&rays[ray as usize], spread, tally, |number, object| {
                 let marched = object.is_marched();
                 if marched {
                     waiting.objects.push(number);
@@ -90,6 +101,9 @@ impl Scene {
                 !marched
             });
             waiting.close(ray, first);
+            if let Some(spent) = spent.get_mut(ray as usize) {
+                *spent = (tally.evaluations() - before) as u32;
+            }
         }
         while waiting.next_turn(|_| true) {
             for (number, group) in waiting.groups() {
@@ -98,10 +112,11 @@ impl Scene {
                     (ray, Ray { t_max, ..rays[ray as usize] })
                 };
                 let wave: Vec<_> = group.iter().map(within).collect();
-                self.objects[number as usize].march_all(&wave, spread, stats, |ray, t| {
-                    let hit = Hit { t, object: number, primitive: 0, barycentric: [0.0; 2] };
+                self.objects[number as usize].march_all(&wave, spread, tally, |ray, t, evaluations| {
+                    spent[ray as usize] += evaluations;
+                    let hit = t.map(|t| Hit { t, object: number, primitive: 0, barycentric: [0.0; 2] });
                     let best = &mut hits[ray as usize];
-                    *best = Some(best.filter(|best| !hit.is_before(best)).unwrap_or(hit));
+                    *best = Hit::nearer(*best, hit);
                 });
             }
         }
@@ -114,30 +129,36 @@ impl Scene {
         blocked: &mut Vec<bool>,
         marching: &mut Marching,
     ) {
-        let Marching { waiting, stats } = marching;
-        blocked.clear();
-        waiting.clear();
         let rays: Vec<Ray> = rays.collect();
+        blocked.clear();
+        marching.start(if self.function_count() > 0 { rays.len() } else { 0 });
+        let Marching { waiting, tally, spent } = marching;
         for (number, ray) in rays.iter().enumerate() {
-            let first = waiting.objects.len();
-            let stopped = self.stops(ray, waiting, stats);
+            let (first, before) = (waiting.objects.len(), tally.evaluations());
+            let stopped = self.stops(ray, waiting, tally);
             if stopped {
                 waiting.objects.truncate(first);
             }
             blocked.push(stopped);
             waiting.close(number as u32, first);
+            if let Some(spent) = spent.get_mut(number) {
+                *spent = (tally.evaluations() - before) as u32;
+            }
         }
         while waiting.next_turn(|ray| !blocked[ray as usize]) {
             for (number, group) in waiting.groups() {
                 let wave: Vec<_> = group.iter().map(|&(_, ray)| (ray, rays[ray as usize])).collect();
                 let object = &self.objects[number as usize];
-                object.march_all(&wave, 0.0, stats, |ray, _| blocked[ray as usize] = true);
+                object.march_all(&wave, 0.0, tally, |ray, hit, evaluations| {
+                    spent[ray as usize] += evaluations;
+                    blocked[ray as usize] |= hit.is_some();
+                });
             }
         }
     }
 
     /// Whether something that needs no march stops a ray; what needs one is noted.
-    fn stops(&self, ray: &Ray, waiting: &mut Waiting, stats: &mut MarchStats) -> bool {
+    fn stops(&self, ray: &Ray, waiting: &mut Waiting, tally: &mut Tally) -> bool {
         let mut t_max = ray.t_max;
         self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, _| {
             let slots = &self.tree.slots()[first as usize..(first + count) as usize];
@@ -148,7 +169,7 @@ impl Scene {
                 if marched {
                     waiting.objects.push(slot);
                 }
-                !marched && object.occluded(ray, stats)
+                !marched && object.occluded(ray, tally)
             })
         })
     }

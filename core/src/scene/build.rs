@@ -36,7 +36,7 @@ impl Scene {
         builder.materials = materials::compile(description, assets, &mut builder.problems);
         builder.instances();
         builder.spheres();
-        builder.sdf_objects();
+        builder.sdf_objects(camera.as_ref());
         builder.lights();
         let Builder { mut problems, materials, objects, lights, emitters, .. } = builder;
         let boxes: Vec<Aabb> = objects.iter().map(Object::bounds).collect();
@@ -45,6 +45,7 @@ impl Scene {
             return Err(problems);
         };
         let has_holes = objects.iter().any(|object| object.holes);
+        let function_names = description.sdf_objects.iter().map(|(name, _)| name.to_owned()).collect();
         let film = &description.film;
         Ok(Self {
             size: frame_size(description),
@@ -62,6 +63,7 @@ impl Scene {
             materials,
             emitters,
             has_holes,
+            function_names,
             stream: Stream::new(description.sampling.seed, frame),
             strategy: Strategy::default(),
         })
@@ -113,8 +115,8 @@ impl Builder<'_> {
         let holes = self.has_holes(material);
         self.emitters.extend_from_slice(lights);
         let material = self.description.materials.index_of(material).unwrap_or(0);
-        let tangents = self.materials.get(material).is_some_and(Material::needs_tangents);
-        self.objects.push(Object { shape, material: material as u32, emitter, flip, tangents, holes });
+        let needs = self.materials.get(material).map(Material::needs).unwrap_or_default();
+        self.objects.push(Object { shape, material: material as u32, emitter, flip, needs, holes });
     }
 
     fn instances(&mut self) {
@@ -182,18 +184,27 @@ impl Builder<'_> {
         }
     }
 
-    fn sdf_objects(&mut self) {
+    fn sdf_objects(&mut self, camera: Option<&Camera>) {
         let description = self.description;
-        for (name, object) in description.sdf_objects.iter() {
+        for (number, (name, object)) in (0..).zip(description.sdf_objects.iter()) {
             let path = format!("sdf_objects.{name}");
             let doc::SdfSettings { hit_epsilon, normal_epsilon, step_clamp, max_steps } = object.settings;
             let settings = Settings { hit_epsilon, normal_epsilon, step_clamp, max_steps };
             let bounds = object.bounds.map(|b| Aabb { min: b.min, max: b.max });
             let sdf = tape::compile(&object.tree).and_then(|tape| Sdf::new(tape, settings, bounds));
             let transform = self.transform(&path, object.transform);
+            let sdf = sdf.and_then(|sdf| {
+                let (Some(camera), Some(transform)) = (camera, &transform) else { return Ok(sdf) };
+                sdf.resolves(transform.local_point(camera.position()), camera.pixel_spread()).map(|()| sdf)
+            });
             match (sdf, transform) {
                 (Ok(sdf), Some(transform)) => {
-                    self.add(Shape::Sdf { sdf: Box::new(sdf), transform }, &object.material, false, &[]);
+                    self.add(
+                        Shape::Sdf { sdf: Box::new(sdf), transform, number },
+                        &object.material,
+                        false,
+                        &[],
+                    );
                 }
                 (Err(error), _) => self.problem(&path, &error.to_string()),
                 (Ok(_), None) => {}

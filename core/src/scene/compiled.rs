@@ -3,6 +3,7 @@
 use super::document::Sampling;
 use super::material::Material;
 use super::object::{Hit, Object, Surface};
+use super::tally::Tally;
 use crate::bsdf::Bsdf;
 use crate::bvh::{Bvh, RayBoxes};
 use crate::camera::Camera;
@@ -11,7 +12,7 @@ use crate::film::{FrameSize, PixelFilter, Region};
 use crate::light::{Lights, Receiver};
 use crate::math::{Aabb, Frame, Ray, offset_origin};
 use crate::sampler::Stream;
-use crate::sdf::{MarchStats, Sdf};
+use crate::sdf::Sdf;
 use glam::Vec3;
 use std::borrow::Cow;
 
@@ -50,6 +51,8 @@ pub struct Scene {
     pub(super) emitters: Vec<u32>,
     /// Whether some surface is there in part only, so that rays may have to cross it.
     pub(super) has_holes: bool,
+    /// Names of the objects made of distance functions.
+    pub(super) function_names: Vec<String>,
     pub(super) stream: Stream,
     pub(super) strategy: Strategy,
 }
@@ -148,7 +151,17 @@ impl Scene {
 
     /// The objects made of distance functions, in the order of the document.
     pub fn distance_functions(&self) -> impl Iterator<Item = &Sdf> {
-        self.objects.iter().filter_map(|object| object.distance_function().map(|(sdf, _)| sdf))
+        self.objects.iter().filter_map(Object::distance_function)
+    }
+
+    /// Number of objects made of distance functions.
+    pub fn function_count(&self) -> usize {
+        self.function_names.len()
+    }
+
+    /// Their names, in the order of the document.
+    pub fn function_names(&self) -> &[String] {
+        &self.function_names
     }
 
     /// The box around all objects.
@@ -159,8 +172,8 @@ impl Scene {
     /// The nearest hit within the ray; of equal distances the object, then the triangle, with the smaller number.
     ///
     /// `spread` is the half width of the ray's pixel per unit of distance, 0 where unknown.
-    pub fn intersect(&self, ray: &Ray, spread: f32, stats: &mut MarchStats) -> Option<Hit> {
-        self.nearest(ray, spread, stats, |_, _| true)
+    pub fn intersect(&self, ray: &Ray, spread: f32, tally: &mut Tally) -> Option<Hit> {
+        self.nearest(ray, spread, tally, |_, _| true)
     }
 
     /// The nearest hit among the objects that `counts` takes.
@@ -168,7 +181,7 @@ impl Scene {
         &self,
         ray: &Ray,
         spread: f32,
-        stats: &mut MarchStats,
+        tally: &mut Tally,
         mut counts: impl FnMut(u32, &Object) -> bool,
     ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
@@ -177,7 +190,7 @@ impl Scene {
             for &object in &self.tree.slots()[first as usize..(first + count) as usize] {
                 let within = Ray { t_max: *t_max, ..*ray };
                 let it = &self.objects[object as usize];
-                let hit = if counts(object, it) { it.intersect(&within, spread, stats) } else { None };
+                let hit = if counts(object, it) { it.intersect(&within, spread, tally) } else { None };
                 let Some((t, primitive, barycentric)) = hit else { continue };
                 let hit = Hit { t, object, primitive, barycentric };
                 if best.is_none_or(|best| hit.is_before(&best)) {
@@ -201,7 +214,7 @@ impl Scene {
 
     /// How the surface scatters, its textures looked up.
     pub fn bsdf(&self, surface: &Surface) -> Cow<'_, Bsdf> {
-        self.material(surface).model.at(surface.uv)
+        self.material(surface).model.at(&surface.place())
     }
 
     /// The frame that its scattering refers to: z is the normal of the front side with all bumps, x runs along u where
@@ -217,7 +230,7 @@ impl Scene {
 
     /// Share of the surface that is there, 0..1: rays pass the rest.
     pub fn opacity(&self, surface: &Surface) -> f32 {
-        self.material(surface).opacity_at(surface.uv)
+        self.material(surface).opacity_at(&surface.place())
     }
 
     /// Whether what is hit may be there in part only; otherwise its opacity is 1.
@@ -229,14 +242,14 @@ impl Scene {
     pub const MAX_CROSSINGS: u32 = 1024;
 
     /// Share of light that gets through what is there in part within the ray, 0..1.
-    pub fn transmittance(&self, ray: &Ray, stats: &mut MarchStats) -> f32 {
+    pub fn transmittance(&self, ray: &Ray, tally: &mut Tally) -> f32 {
         if !self.has_holes {
             return 1.0;
         }
         let end = ray.at(1.0);
         let (mut rest, mut through) = (*ray, 1.0);
         for _ in 0..Self::MAX_CROSSINGS {
-            let Some(hit) = self.nearest(&rest, 0.0, stats, |_, object| object.holes) else { return through };
+            let Some(hit) = self.nearest(&rest, 0.0, tally, |_, object| object.holes) else { return through };
             let surface = self.surface(&rest, &hit);
             through *= 1.0 - self.opacity(&surface);
             if through <= 0.0 {
@@ -247,7 +260,7 @@ impl Scene {
                 rest.d = end - rest.o;
             }
         }
-        stats.exhausted += 1;
+        tally.lost += 1;
         0.0
     }
 

@@ -1,12 +1,12 @@
 //! Owns compiled materials: parameters whose textures are loaded, read once at a hit.
 
-use super::object::Surface;
+use super::object::{Needs, Surface};
 use crate::bsdf::{
     Bsdf, Coat, Conductor, Conserving, Dielectric, Diffuse, Distribution, Lobes, Microfacets, Mirror,
     Parameters, Plastic, Principled, ThinDielectric,
 };
 use crate::math::Frame;
-use crate::texture::{Color, Number};
+use crate::texture::{Color, Number, Place, Texture};
 use glam::{Vec2, Vec3};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -91,11 +91,11 @@ impl PrincipledTextures {
         }
     }
 
-    /// The parameters at a texture coordinate.
-    pub(super) fn parameters(&self, uv: Vec2) -> Parameters {
-        let share = |number: &Number| number.at(uv).clamp(0.0, 1.0);
+    /// The parameters at a point.
+    pub(super) fn parameters(&self, place: &Place) -> Parameters {
+        let share = |number: &Number| number.at(place).clamp(0.0, 1.0);
         Parameters {
-            base_color: color(&self.base_color, uv),
+            base_color: color(&self.base_color, place),
             specular_transmission: share(&self.specular_transmission),
             metallic: share(&self.metallic),
             subsurface: share(&self.subsurface),
@@ -107,13 +107,13 @@ impl PrincipledTextures {
             sheen_tint: share(&self.sheen_tint),
             clearcoat: share(&self.clearcoat),
             clearcoat_gloss: share(&self.clearcoat_gloss),
-            eta: self.eta.at(uv).clamp(0.1, 10.0),
+            eta: self.eta.at(place).clamp(0.1, 10.0),
         }
     }
 
-    /// The scattering at a texture coordinate.
-    pub(super) fn at(&self, uv: Vec2) -> Principled {
-        let parameters = self.parameters(uv);
+    /// The scattering at a point.
+    pub(super) fn at(&self, place: &Place) -> Principled {
+        let parameters = self.parameters(place);
         let lobes = self.lobes.unwrap_or_else(|| Lobes::new(&parameters));
         let model = Principled::with_lobes(&parameters, lobes);
         match &self.conserving {
@@ -124,23 +124,26 @@ impl PrincipledTextures {
 
     /// Whether nothing varies.
     pub(super) fn is_constant(&self) -> bool {
-        is_constant_color(&self.base_color)
-            && [
-                &self.specular_transmission,
-                &self.metallic,
-                &self.subsurface,
-                &self.specular,
-                &self.roughness,
-                &self.specular_tint,
-                &self.anisotropic,
-                &self.sheen,
-                &self.sheen_tint,
-                &self.clearcoat,
-                &self.clearcoat_gloss,
-                &self.eta,
-            ]
-            .into_iter()
-            .all(is_constant)
+        self.textures().is_empty()
+    }
+
+    fn textures(&self) -> Vec<&Texture> {
+        let numbers = [
+            &self.specular_transmission,
+            &self.metallic,
+            &self.subsurface,
+            &self.specular,
+            &self.roughness,
+            &self.specular_tint,
+            &self.anisotropic,
+            &self.sheen,
+            &self.sheen_tint,
+            &self.clearcoat,
+            &self.clearcoat_gloss,
+            &self.eta,
+        ];
+        let numbers = numbers.into_iter().filter_map(Number::texture);
+        self.base_color.texture().into_iter().chain(numbers).collect()
     }
 }
 
@@ -154,15 +157,15 @@ pub(super) struct FacetTextures {
 }
 
 impl FacetTextures {
-    /// The facets at a texture coordinate; `None` where the surface is smooth.
-    fn at(&self, uv: Vec2) -> Option<Microfacets> {
-        let u = self.alpha.at(uv).clamp(0.0, 1.0);
-        let v = self.alpha_v.as_ref().map_or(u, |alpha| alpha.at(uv).clamp(0.0, 1.0));
+    /// The facets at a point; `None` where the surface is smooth.
+    fn at(&self, place: &Place) -> Option<Microfacets> {
+        let u = self.alpha.at(place).clamp(0.0, 1.0);
+        let v = self.alpha_v.as_ref().map_or(u, |alpha| alpha.at(place).clamp(0.0, 1.0));
         (u > 0.0 || v > 0.0).then(|| Microfacets::new(self.distribution, Vec2::new(u, v)))
     }
 
-    fn is_constant(&self) -> bool {
-        is_constant(&self.alpha) && self.alpha_v.as_ref().is_none_or(is_constant)
+    fn textures(&self) -> impl Iterator<Item = &Texture> {
+        self.alpha.texture().into_iter().chain(self.alpha_v.as_ref().and_then(Number::texture))
     }
 }
 
@@ -183,86 +186,89 @@ pub(super) struct ConductorTextures {
     pub(super) facets: FacetTextures,
 }
 
-fn is_constant(number: &Number) -> bool {
-    matches!(number, Number::Constant(_))
-}
-
-fn is_constant_color(color: &Color) -> bool {
-    matches!(color, Color::Constant(_))
-}
-
 /// A colour of a reflectance: no channel below 0 or above 1.
-fn color(color: &Color, uv: Vec2) -> Vec3 {
-    color.at(uv).clamp(Vec3::ZERO, Vec3::ONE)
+fn color(color: &Color, place: &Place) -> Vec3 {
+    color.at(place).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 impl Model {
     /// The same model, with textures looked up here and now where none varies.
     pub(super) fn ready(self) -> Self {
-        let constant = match &self {
-            Self::Ready(_) => true,
-            Self::Diffuse(c) | Self::Mirror(c) => is_constant_color(c),
-            Self::Principled(p) => p.is_constant(),
-            Self::Dielectric(d) => {
-                d.facets.is_constant()
-                    && is_constant_color(&d.reflectance)
-                    && is_constant_color(&d.transmittance)
-            }
-            Self::ThinDielectric { reflectance, transmittance, .. } => {
-                is_constant_color(reflectance) && is_constant_color(transmittance)
-            }
-            Self::Conductor(c) => c.facets.is_constant() && is_constant_color(&c.reflectance),
-            Self::Plastic { diffuse, specular, .. } => {
-                is_constant_color(diffuse) && is_constant_color(specular)
-            }
-        };
-        if constant { Self::Ready(self.at(Vec2::ZERO).into_owned()) } else { self }
+        if self.textures().is_empty() { Self::Ready(self.at(&Vec2::ZERO.into()).into_owned()) } else { self }
     }
 
-    /// The scattering at a texture coordinate.
-    pub(super) fn at(&self, uv: Vec2) -> Cow<'_, Bsdf> {
+    /// The textures that its parameters are.
+    fn textures<'a>(&'a self) -> Vec<&'a Texture> {
+        let colors = |colors: Vec<&'a Color>| colors.into_iter().filter_map(Color::texture).collect();
+        match self {
+            Self::Ready(_) => Vec::new(),
+            Self::Diffuse(c) | Self::Mirror(c) => colors(vec![c]),
+            Self::Principled(p) => p.textures(),
+            Self::Dielectric(d) => {
+                let mut textures = colors(vec![&d.reflectance, &d.transmittance]);
+                textures.extend(d.facets.textures());
+                textures
+            }
+            Self::ThinDielectric { reflectance, transmittance, .. } => {
+                colors(vec![reflectance, transmittance])
+            }
+            Self::Conductor(c) => {
+                let mut textures = colors(vec![&c.reflectance]);
+                textures.extend(c.facets.textures());
+                textures
+            }
+            Self::Plastic { diffuse, specular, .. } => colors(vec![diffuse, specular]),
+        }
+    }
+
+    /// The scattering at a point.
+    pub(super) fn at(&self, place: &Place) -> Cow<'_, Bsdf> {
         Cow::Owned(match self {
             Self::Ready(bsdf) => return Cow::Borrowed(bsdf),
-            Self::Diffuse(c) => Bsdf::Diffuse(Diffuse { reflectance: color(c, uv) }),
-            Self::Principled(p) => Bsdf::Principled(p.at(uv)),
+            Self::Diffuse(c) => Bsdf::Diffuse(Diffuse { reflectance: color(c, place) }),
+            Self::Principled(p) => Bsdf::Principled(p.at(place)),
             Self::Dielectric(d) => Bsdf::Dielectric(Dielectric::new(
                 d.ior,
-                d.facets.at(uv),
-                color(&d.reflectance, uv),
-                color(&d.transmittance, uv),
+                d.facets.at(place),
+                color(&d.reflectance, place),
+                color(&d.transmittance, place),
             )),
             Self::ThinDielectric { ior, reflectance, transmittance } => {
                 Bsdf::ThinDielectric(ThinDielectric {
                     ior: *ior,
-                    reflectance: color(reflectance, uv),
-                    transmittance: color(transmittance, uv),
+                    reflectance: color(reflectance, place),
+                    transmittance: color(transmittance, place),
                 })
             }
             Self::Conductor(c) => Bsdf::Conductor(Conductor {
                 index: c.index,
-                reflectance: color(&c.reflectance, uv),
-                facets: c.facets.at(uv),
+                reflectance: color(&c.reflectance, place),
+                facets: c.facets.at(place),
             }),
             Self::Plastic { diffuse, specular, nonlinear, coat } => Bsdf::Plastic(Plastic {
-                diffuse: color(diffuse, uv),
-                specular: color(specular, uv),
+                diffuse: color(diffuse, place),
+                specular: color(specular, place),
                 nonlinear: *nonlinear,
                 coat: Arc::clone(coat),
             }),
-            Self::Mirror(c) => Bsdf::Mirror(Mirror { reflectance: color(c, uv) }),
+            Self::Mirror(c) => Bsdf::Mirror(Mirror { reflectance: color(c, place) }),
         })
     }
 }
 
 impl Material {
-    /// Whether it needs to know where u and v point.
-    pub(super) fn needs_tangents(&self) -> bool {
-        self.bump.is_some() || self.normal_map.is_some() || self.model.is_stretched()
+    /// What it needs to know of a hit.
+    pub(super) fn needs(&self) -> Needs {
+        let tangents = self.bump.is_some() || self.normal_map.is_some() || self.model.is_stretched();
+        let mut textures = self.model.textures();
+        textures.extend(self.opacity.as_ref().and_then(Number::texture));
+        let traps = textures.iter().any(|texture| matches!(texture, Texture::OrbitTrap(_)));
+        Needs { tangents, traps }
     }
 
     /// Share of the surface that is there.
-    pub(super) fn opacity_at(&self, uv: Vec2) -> f32 {
-        self.opacity.as_ref().map_or(1.0, |opacity| opacity.at(uv).clamp(0.0, 1.0))
+    pub(super) fn opacity_at(&self, place: &Place) -> f32 {
+        self.opacity.as_ref().map_or(1.0, |opacity| opacity.at(place).clamp(0.0, 1.0))
     }
 
     /// The frame of the surface, z its front side with all bumps, x along u where that matters.
@@ -280,7 +286,7 @@ impl Material {
             let base = Frame::with_tangent(n, du);
             // v may run either way around the normal.
             let t = base.t * 1.0_f32.copysign(base.t.dot(dv));
-            let local = map.at(surface.uv) * 2.0 - Vec3::ONE;
+            let local = map.at(&surface.uv.into()) * 2.0 - Vec3::ONE;
             let bent = base.s * local.x + t * local.y + n * local.z;
             n = bent.try_normalize().filter(|bent| bent.dot(n) > 0.0).unwrap_or(n);
         }

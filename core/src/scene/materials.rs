@@ -6,8 +6,12 @@ use super::material::{
     ConductorTextures, DielectricTextures, FacetTextures, Material, Model, PrincipledTextures,
 };
 use crate::bsdf::{Coat, Conserving, Distribution, Lobes, Microfacets, Parameters};
-use crate::texture::{Checkerboard, Color, ColorSpace, Fbm, ImageTexture, Number, Texture};
-use glam::{Affine2, DAffine2, Vec2, Vec3};
+use crate::sdf::{Noise, NoiseParameters};
+use crate::texture::{
+    Checkerboard, Color, ColorSpace, Fbm, ImageTexture, Number, OrbitTrap, SolidCheckerboard, SolidFbm,
+    Texture,
+};
+use glam::{Affine2, Affine3A, DAffine2, DAffine3, Vec2, Vec3};
 use std::sync::Arc;
 
 /// All materials of a description, in its order.
@@ -42,12 +46,28 @@ impl Compiler<'_> {
             (*opacity != NumberTexture::Constant(1.0)).then(|| self.number(opacity))
         };
         let (model, two_sided) = self.model(&material.model);
-        Material {
-            model: model.ready(),
-            two_sided,
-            opacity,
-            bump: bump.as_ref().map(|height| (self.number(height), *bump_scale)),
-            normal_map: normal_map.as_ref().map(|map| self.data(map)),
+        let bump = bump.as_ref().map(|height| (self.number(height), *bump_scale));
+        let normal_map = normal_map.as_ref().map(|map| self.data(map));
+        self.needs_uv("bump", bump.as_ref().and_then(|(height, _)| height.texture()));
+        self.needs_uv("normal_map", normal_map.as_ref().and_then(Color::texture));
+        Material { model: model.ready(), two_sided, opacity, bump, normal_map }
+    }
+
+    /// Reports a range without an inside.
+    fn rises(&mut self, field: &str, [low, high]: [f32; 2], than: &str) {
+        if low >= high {
+            self.problem(field, &format!("found {high}, expected a number above \"{than}\", which is {low}"));
+        }
+    }
+
+    /// Reports a solid texture where only one over uv has a meaning.
+    fn needs_uv(&mut self, field: &str, texture: Option<&Texture>) {
+        if texture.is_some_and(|texture| !texture.is_over_uv()) {
+            self.problem(
+                field,
+                "found a solid texture, expected an image, a checkerboard or fbm: its slope along u and v is what bends the \
+                 normal",
+            );
         }
     }
 
@@ -295,6 +315,50 @@ impl Compiler<'_> {
                     transform: single(transform),
                 })
             }
+            doc::Texture::SolidCheckerboard { color0, color1, transform } => {
+                Texture::SolidCheckerboard(SolidCheckerboard {
+                    colors: [color0.0, color1.0],
+                    transform: single_solid(transform),
+                })
+            }
+            doc::Texture::SolidFbm {
+                color0,
+                color1,
+                low,
+                high,
+                octaves,
+                gain,
+                lacunarity,
+                frequency,
+                seed,
+                transform,
+            } => {
+                self.rises("high", [*low, *high], "low");
+                let (octaves, gain, lacunarity) = (*octaves, *gain, *lacunarity);
+                let (frequency, seed) = (*frequency, *seed);
+                let parameters =
+                    NoiseParameters { amplitude: 1.0, frequency, octaves, gain, lacunarity, seed };
+                let Ok(noise) =
+                    Noise::new(parameters).map_err(|error| self.problem("solid_fbm", &error.to_string()))
+                else {
+                    return MISSING;
+                };
+                let transform = single_solid(transform);
+                Texture::SolidFbm(SolidFbm {
+                    colors: [color0.0, color1.0],
+                    noise,
+                    range: [*low, *high],
+                    transform,
+                })
+            }
+            doc::Texture::OrbitTrap { color0, color1, trap, near, far } => {
+                self.rises("far", [*near, *far], "near");
+                Texture::OrbitTrap(OrbitTrap {
+                    colors: [color0.0, color1.0],
+                    trap: *trap,
+                    range: [*near, *far],
+                })
+            }
         }
     }
 }
@@ -312,7 +376,7 @@ impl PrincipledTextures {
         let with = |base| Self { base_color: Color::Constant(base), ..self.clone() };
         let models: Option<Vec<_>> = bases
             .into_iter()
-            .map(|base| Some(with(base)).filter(Self::is_constant).map(|model| model.at(Vec2::ZERO)))
+            .map(|base| Some(with(base)).filter(Self::is_constant).map(|model| model.at(&Vec2::ZERO.into())))
             .collect();
         models.map(|models| Conserving::new(&models))
     }
@@ -321,4 +385,9 @@ impl PrincipledTextures {
 /// A texture transform in single precision.
 fn single(transform: &DAffine2) -> Affine2 {
     Affine2::from_cols_array(&transform.to_cols_array().map(|number| number as f32))
+}
+
+/// A transform of solid textures in single precision.
+fn single_solid(transform: &DAffine3) -> Affine3A {
+    Affine3A::from_cols_array(&transform.to_cols_array().map(|number| number as f32))
 }

@@ -9,6 +9,7 @@ mod document;
 mod material;
 mod materials;
 mod object;
+mod tally;
 mod tape;
 
 pub use albedo::AlbedoPeak;
@@ -22,3 +23,4 @@ pub use document::{
     Shade, Sphere, Texture, json_schema, reference_page,
 };
 pub use object::{Hit, PreparedMesh, Surface};
+pub use tally::Tally;

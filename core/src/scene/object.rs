@@ -1,9 +1,11 @@
 //! Owns the objects of a compiled scene: what a ray meets, and the surface at a hit.
 
+use super::tally::Tally;
 use crate::bvh::triangle::TriangleBvh;
 use crate::math::{Aabb, Ray, Transform, acos, atan2, even_error, gamma};
 use crate::mesh::Mesh;
-use crate::sdf::{MarchStats, Sdf, SdfRay};
+use crate::sdf::{MarchStats, Sdf, SdfRay, Traps};
+use crate::texture::Place;
 use glam::{Vec2, Vec3, Vec3Swizzles as _};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
@@ -20,9 +22,22 @@ pub struct PreparedMesh {
 /// The shape of an object.
 #[derive(Debug, Clone)]
 pub(super) enum Shape {
-    Mesh { mesh: Arc<PreparedMesh>, transform: Transform, flat: bool, flip_v: bool },
-    Sphere { center: Vec3, radius: f32 },
-    Sdf { sdf: Box<Sdf>, transform: Transform },
+    Mesh {
+        mesh: Arc<PreparedMesh>,
+        transform: Transform,
+        flat: bool,
+        flip_v: bool,
+    },
+    Sphere {
+        center: Vec3,
+        radius: f32,
+    },
+    /// `number` counts the objects made of distance functions.
+    Sdf {
+        sdf: Box<Sdf>,
+        transform: Transform,
+        number: u32,
+    },
 }
 
 /// Something that a ray can meet.
@@ -35,10 +50,19 @@ pub(super) struct Object {
     pub(super) emitter: Option<u32>,
     /// Turns front and back around.
     pub(super) flip: bool,
-    /// Whether its material needs to know where u and v point.
-    pub(super) tangents: bool,
+    /// What its material needs to know of a hit.
+    pub(super) needs: Needs,
     /// Whether it may be there in part only, so that rays may cross it.
     pub(super) holes: bool,
+}
+
+/// What materials need to know of a hit besides the place.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Needs {
+    /// Where u and v point.
+    pub(super) tangents: bool,
+    /// The orbits of fractals.
+    pub(super) traps: bool,
 }
 
 /// Where a ray meets the scene.
@@ -59,6 +83,14 @@ impl Hit {
     pub(super) fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.object < other.object)
     }
+
+    /// The first of two hits of a ray, where there are any.
+    pub(super) fn nearer(a: Option<Self>, b: Option<Self>) -> Option<Self> {
+        match (a, b) {
+            (Some(a), Some(b)) => Some(if b.is_before(&a) { b } else { a }),
+            (a, b) => a.or(b),
+        }
+    }
 }
 
 /// The surface at a hit.
@@ -74,6 +106,11 @@ pub struct Surface {
     pub ns: Vec3,
     /// Texture coordinates, v upwards.
     pub uv: Vec2,
+    /// Position in the space of the object: that of a mesh's file, of a tree of distance functions, or around the centre of
+    /// a sphere.
+    pub solid: Vec3,
+    /// Orbit traps, where the material needs them and the object has them.
+    pub traps: Traps,
     /// Change of position by u and by v, where the material needs it and the surface has it.
     pub tangents: Option<[Vec3; 2]>,
     /// Object, as numbered by the scene.
@@ -92,7 +129,7 @@ impl Object {
                 let reach = Vec3::splat(*radius) + (center.abs() + *radius) * (2.0 * f32::EPSILON);
                 Aabb { min: *center - reach, max: *center + reach }
             }
-            Shape::Sdf { sdf, transform } => sdf.bounds().transformed(transform.to_world()),
+            Shape::Sdf { sdf, transform, .. } => sdf.bounds().transformed(transform.to_world()),
         }
     }
 
@@ -101,7 +138,7 @@ impl Object {
         &self,
         ray: &Ray,
         spread: f32,
-        stats: &mut MarchStats,
+        tally: &mut Tally,
     ) -> Option<(f32, u32, [f32; 2])> {
         match &self.shape {
             Shape::Mesh { mesh, transform, .. } => {
@@ -110,43 +147,49 @@ impl Object {
             Shape::Sphere { center, radius } => {
                 intersect_sphere(ray, *center, *radius).map(|t| (t, 0, [0.0; 2]))
             }
-            Shape::Sdf { sdf, transform } => {
-                sdf.intersect(&to_march(ray, transform, spread), stats).map(|t| (t, 0, [0.0; 2]))
+            Shape::Sdf { sdf, transform, number } => {
+                let mut stats = MarchStats::default();
+                let hit = sdf.intersect(&to_march(ray, transform, spread), &mut stats);
+                tally.add(*number, &stats);
+                hit.map(|t| (t, 0, [0.0; 2]))
             }
         }
     }
 
     /// The distance function that it is made of, if it is.
-    pub(super) fn distance_function(&self) -> Option<(&Sdf, &Transform)> {
+    pub(super) fn distance_function(&self) -> Option<&Sdf> {
         match &self.shape {
-            Shape::Sdf { sdf, transform } => Some((sdf, transform)),
+            Shape::Sdf { sdf, .. } => Some(sdf),
             Shape::Mesh { .. } | Shape::Sphere { .. } => None,
         }
     }
 
     /// Whether rays are marched to it, which is done for many at a time.
     pub(super) fn is_marched(&self) -> bool {
-        self.distance_function().is_some_and(|(sdf, _)| !sdf.is_closed())
+        self.distance_function().is_some_and(|sdf| !sdf.is_closed())
     }
 
-    /// The hits of many rays with a distance function: `found` gets the name of a ray and its `t`.
+    /// The hits of many rays with a distance function: `ended` gets the name of a ray, its `t` if it hit, and the
+    /// evaluations that took; rays that do not come near are left out.
     pub(super) fn march_all<N: Copy>(
         &self,
         rays: &[(N, Ray)],
         spread: f32,
-        stats: &mut MarchStats,
-        found: impl FnMut(N, f32),
+        tally: &mut Tally,
+        ended: impl FnMut(N, Option<f32>, u32),
     ) {
-        let Some((sdf, transform)) = self.distance_function() else { return };
+        let Shape::Sdf { sdf, transform, number } = &self.shape else { return };
+        let mut stats = MarchStats::default();
         let local = rays.iter().map(|(name, ray)| (*name, to_march(ray, transform, spread)));
-        sdf.intersect_all(local, stats, found);
+        sdf.intersect_all(local, &mut stats, ended);
+        tally.add(*number, &stats);
     }
 
     /// Whether anything of it lies within the ray.
-    pub(super) fn occluded(&self, ray: &Ray, stats: &mut MarchStats) -> bool {
+    pub(super) fn occluded(&self, ray: &Ray, tally: &mut Tally) -> bool {
         match &self.shape {
             Shape::Mesh { mesh, transform, .. } => mesh.tree.occluded(&to_local(ray, transform)),
-            Shape::Sphere { .. } | Shape::Sdf { .. } => self.intersect(ray, 0.0, stats).is_some(),
+            Shape::Sphere { .. } | Shape::Sdf { .. } => self.intersect(ray, 0.0, tally).is_some(),
         }
     }
 
@@ -155,7 +198,7 @@ impl Object {
         let mut surface = match &self.shape {
             Shape::Mesh { mesh, transform, flat, flip_v } => {
                 let mut surface = mesh_surface(&mesh.mesh, transform, *flat, hit);
-                if self.tangents {
+                if self.needs.tangents {
                     surface.tangents = mesh_tangents(&mesh.mesh, transform, hit);
                 }
                 if *flip_v {
@@ -166,18 +209,19 @@ impl Object {
             }
             Shape::Sphere { center, radius } => {
                 let mut surface = sphere_surface(*center, *radius, ray.at(hit.t), hit);
-                if self.tangents {
+                if self.needs.tangents {
                     surface.tangents = Some(sphere_tangents(surface.ns * *radius));
                 }
                 surface
             }
-            Shape::Sdf { sdf, transform } => {
+            Shape::Sdf { sdf, transform, .. } => {
                 let local = to_local(ray, transform);
                 let p = local.at(hit.t);
                 let n = transform.normal(sdf.normal(p));
                 let world = transform.point(p);
                 let error = even_error(transform.error(Vec3::splat(sdf.offset(p))) + world.abs() * gamma(2));
-                Surface { p: world, error, ng: n, ns: n, ..Surface::at(hit) }
+                let traps = if self.needs.traps { sdf.traps(p) } else { Traps::NONE };
+                Surface { p: world, error, ng: n, ns: n, solid: p, traps, ..Surface::at(hit) }
             }
         };
         if self.flip {
@@ -213,6 +257,11 @@ fn intersect_sphere(ray: &Ray, center: Vec3, radius: f32) -> Option<f32> {
 }
 
 impl Surface {
+    /// Where textures are looked up.
+    pub fn place(&self) -> Place {
+        Place { uv: self.uv, solid: self.solid, traps: self.traps }
+    }
+
     /// A surface of which nothing is known but what was hit.
     fn at(hit: &Hit) -> Self {
         Self {
@@ -221,6 +270,8 @@ impl Surface {
             ng: Vec3::Z,
             ns: Vec3::Z,
             uv: Vec2::ZERO,
+            solid: Vec3::ZERO,
+            traps: Traps::NONE,
             tangents: None,
             object: hit.object,
             primitive: hit.primitive,
@@ -236,7 +287,8 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, flat: bool, hit: &Hit) -> Su
     let weights = [1.0 - b - c, b, c];
     let [p0, p1, p2] = corners.map(|i| mesh.positions[i]);
     let blend = |v: [Vec3; 3]| v[0] * weights[0] + v[1] * weights[1] + v[2] * weights[2];
-    let p = transform.point(blend([p0, p1, p2]));
+    let solid = blend([p0, p1, p2]);
+    let p = transform.point(solid);
     let local_error = blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(7);
     let error = even_error(transform.error(local_error) + p.abs() * gamma(2));
     let side = if flat { 1.0 } else { mesh.side(hit.primitive as usize) };
@@ -253,7 +305,7 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, flat: bool, hit: &Hit) -> Su
         let [u0, u1, u2] = corners.map(|i| mesh.uvs[i]);
         u0 * weights[0] + u1 * weights[1] + u2 * weights[2]
     };
-    Surface { p, error, ng, ns, uv, ..Surface::at(hit) }
+    Surface { p, error, ng, ns, uv, solid, ..Surface::at(hit) }
 }
 
 /// How the position on a triangle changes with u and v; `None` where they do not tell.
@@ -276,7 +328,7 @@ fn sphere_surface(center: Vec3, radius: f32, at: Vec3, hit: &Hit) -> Surface {
     let p = center + n * radius;
     let error = even_error((n.abs() * radius + center.abs()) * gamma(5));
     let uv = Vec2::new(atan2(n.z, n.x) / TAU + 0.5, 1.0 - acos(n.y.clamp(-1.0, 1.0)) * FRAC_1_PI);
-    Surface { p, error, ng: n, ns: n, uv, ..Surface::at(hit) }
+    Surface { p, error, ng: n, ns: n, uv, solid: n * radius, ..Surface::at(hit) }
 }
 
 /// How the position on a sphere, relative to its centre, changes with u and v.

@@ -67,6 +67,17 @@ pub enum SdfError {
         /// Upper corner of bounds that hold the object.
         needed_max: Vec3,
     },
+    /// Pixels see less of a fractal than single precision tells apart.
+    #[error(
+        "a pixel sees {pixel:.1e} of the fractal where it is nearest, expected at least {least:.1e}: single precision tells \
+         no more apart\n  hint: move the camera back, widen its vfov, or take a smaller film"
+    )]
+    TooClose {
+        /// Width of a pixel on the surface, in object units.
+        pixel: f32,
+        /// Least width that has neighbours in single precision.
+        least: f32,
+    },
 }
 
 /// Lengths whose squares, and products of a few of them, stay within f32.

@@ -11,6 +11,8 @@ use std::ops::ControlFlow::{self, Break, Continue};
 /// What marching cost, and what went wrong.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MarchStats {
+    /// Rays that entered the bounds of an object.
+    pub rays: u64,
     /// Evaluations of distance functions.
     pub evaluations: u64,
     /// Rays that ran out of steps: where they had come within the hit distance of the surface and were about to meet it
@@ -20,6 +22,17 @@ pub struct MarchStats {
     pub overshoots: u64,
     /// Sign changes that were bracketed and refined: the hits.
     pub brackets: u64,
+}
+
+impl MarchStats {
+    /// Adds another's counts.
+    pub fn add(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.evaluations += other.evaluations;
+        self.exhausted += other.exhausted;
+        self.overshoots += other.overshoots;
+        self.brackets += other.brackets;
+    }
 }
 
 /// Unit roundoff of f32.
@@ -101,6 +114,7 @@ pub(super) struct March {
     /// Whether the step is the least one, which goes through surfaces on purpose.
     deliberate: bool,
     steps: u32,
+    evaluations: u32,
     nearest: Nearest,
     search: Search,
 }
@@ -140,6 +154,7 @@ impl March {
             relaxed: false,
             deliberate: false,
             steps: 0,
+            evaluations: 0,
             nearest: Nearest::default(),
             search: Search::new(here, here, 0.0),
         }
@@ -160,10 +175,15 @@ impl March {
         self.at
     }
 
+    /// Values that it was told so far.
+    pub(super) fn evaluations(&self) -> u32 {
+        self.evaluations
+    }
+
     /// Takes the value at [`March::point`], and the rounding error of a value there.
     #[inline]
     pub(super) fn tell(&mut self, sdf: &Sdf, value: f32, noise: f32, stats: &mut MarchStats) -> Next {
-        stats.evaluations += 1;
+        self.evaluations += 1;
         // Nothing here makes NaN from finite points; if it did, the ray must still end.
         let value = if value.is_nan() { 0.0 } else { self.side * value };
         match self.phase {

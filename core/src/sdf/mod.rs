@@ -19,11 +19,13 @@ mod root;
 mod tape;
 #[cfg(test)]
 mod tests;
+mod traps;
 
 pub use builder::{MAX_NODES, NodeId, TapeBuilder};
 pub use error::SdfError;
 pub use march::MarchStats;
-pub use noise::NoiseParameters;
+pub use noise::{Noise, NoiseParameters};
 pub use object::{Resolved, Sdf, SdfRay, Settings};
 pub use real::{Point, Real};
 pub use tape::{MAX_DEPTH, Tape};
+pub use traps::{Trap, Traps};

@@ -1,5 +1,7 @@
 //! Owns gradient noise in space and its octaves, with proven bounds of value and slope.
 
+use glam::Vec3;
+
 use super::error::{SdfError, require};
 use super::real::{Lattice, Point, Real};
 
@@ -12,8 +14,8 @@ use super::real::{Lattice, Point, Real};
 ///
 /// With gradients that may be anything in every corner, `|n|` and `|∇n|` are each the greatest of finitely many smooth
 /// functions over one cell; their greatest values are [`LARGEST`] and [`STEEPEST`].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Noise {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
     octaves: u32,
     gain: f32,
     lacunarity: f32,
@@ -74,7 +76,11 @@ pub(super) struct Octave {
 }
 
 impl Noise {
-    pub(super) fn new(parameters: NoiseParameters) -> Result<Self, SdfError> {
+    /// The noise of these parameters.
+    ///
+    /// # Errors
+    /// A parameter is out of its range.
+    pub fn new(parameters: NoiseParameters) -> Result<Self, SdfError> {
         let NoiseParameters { amplitude, frequency, octaves, gain, lacunarity, seed } = parameters;
         require(
             (0.0..=1e6).contains(&amplitude),
@@ -104,8 +110,13 @@ impl Noise {
     }
 
     /// What all octaves together are away from 0 at most.
-    pub(super) fn bound(&self) -> f32 {
+    pub fn bound(&self) -> f32 {
         self.bound
+    }
+
+    /// The sum of all octaves at a place.
+    pub fn value(&self, place: Vec3) -> f32 {
+        self.octaves().map(|octave| octave.at(Point::<f32>::splat(place))).sum()
     }
 
     /// The octaves, the coarsest first.

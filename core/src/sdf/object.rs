@@ -123,6 +123,7 @@ impl Sdf {
     pub fn intersect(&self, ray: &SdfRay, stats: &mut MarchStats) -> Option<f32> {
         if let Some(closed) = &self.closed {
             let (line, unit) = measured(ray)?;
+            stats.rays += 1;
             let at = closed.first_hit(self, &line, stats)?;
             return Some(((at / unit) as f32).clamp(ray.t_min, ray.t_max));
         }
@@ -131,26 +132,30 @@ impl Sdf {
             let p = march.point();
             let value = self.distance(p);
             if let ControlFlow::Break(hit) = march.tell(self, value, self.noise(p), stats) {
-                break hit?;
+                break hit;
             }
         };
+        stats.rays += 1;
+        stats.evaluations += u64::from(march.evaluations());
+        let at = at?;
         Some(march.segment().reached(at).clamp(ray.t_min, ray.t_max))
     }
 
-    /// [`Sdf::intersect`] for many rays: `found` gets the name of a ray and its first hit, for those that have one.
+    /// [`Sdf::intersect`] for many rays: `ended` gets the name of a ray, its first hit if it has one, and how many
+    /// evaluations that took, for those that enter the bounds.
     ///
     /// The answers are the same, bit for bit; their order is not that of the rays.
     pub fn intersect_all<N: Copy>(
         &self,
         rays: impl Iterator<Item = (N, SdfRay)>,
         stats: &mut MarchStats,
-        mut found: impl FnMut(N, f32),
+        mut ended: impl FnMut(N, Option<f32>, u32),
     ) {
         if self.closed.is_some() {
             for (name, ray) in rays {
-                if let Some(t) = self.intersect(&ray, stats) {
-                    found(name, t);
-                }
+                let before = stats.evaluations;
+                let hit = self.intersect(&ray, stats);
+                ended(name, hit, (stats.evaluations - before) as u32);
             }
             return;
         }
@@ -158,8 +163,8 @@ impl Sdf {
             let march = self.march(&ray)?;
             Some(((name, ray.t_min, ray.t_max), march))
         });
-        packet::first_hits(self, marches, stats, |(name, t_min, t_max), t| {
-            found(name, t.clamp(t_min, t_max));
+        packet::first_hits(self, marches, stats, |(name, t_min, t_max), t, evaluations| {
+            ended(name, t.map(|t| t.clamp(t_min, t_max)), evaluations);
         });
     }
 
@@ -287,6 +292,23 @@ impl Sdf {
         let value = self.distance(p).abs();
         let coarse = self.tape.level().map_or(0.0, |level| 0.5 * level);
         value + coarse.max(16.0 * self.noise(p))
+    }
+
+    /// Whether a camera at `eye` whose pixels have the half width `spread` per unit of distance sees a fractal, which has
+    /// detail at every size, no closer than single precision resolves.
+    ///
+    /// # Errors
+    /// [`SdfError::TooClose`]: a pixel sees less than two steps of the coordinates at the place that is nearest to it.
+    pub fn resolves(&self, eye: Vec3, spread: f32) -> Result<(), SdfError> {
+        // The value is a bound: of the distance to a fractal it is a quarter, or less.
+        let away = 4.0 * self.distance(eye);
+        let pixel = 2.0 * spread * away;
+        // Coordinates on the surface are no greater than the camera's when that is near, nor than the bounds allow.
+        let farthest = self.bounds.min.abs().max(self.bounds.max.abs()).max_element();
+        let least = 4.0 * ROUNDOFF * self.magnitude(eye).min(farthest);
+        // Inside of a fractal its value is no distance, and the nearest wall is where the camera is put on purpose.
+        let sees_more = !self.has_orbits() || away <= 0.0 || pixel >= least;
+        if sees_more { Ok(()) } else { Err(SdfError::TooClose { pixel, least }) }
     }
 
     /// Rounding error of a value near `p`, in object units.

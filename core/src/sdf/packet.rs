@@ -11,15 +11,15 @@ use super::real::Point;
 /// Rays that are marched at a time.
 const LANES: usize = 8;
 
-/// The first hit of every march of a list, as [`Sdf::intersect`] would find it: `found` gets the name that came with
-/// the march, and the distance in units of the ray's direction, for those that hit.
+/// The first hit of every march of a list, as [`Sdf::intersect`] would find it: `ended` gets the name that came with
+/// the march, the distance in units of the ray's direction if there is a hit, and how many evaluations that took.
 ///
 /// A ray's answer does not depend on the others; the order of the answers does.
 pub(super) fn first_hits<N: Copy>(
     sdf: &Sdf,
     mut marches: impl Iterator<Item = (N, March)>,
     stats: &mut MarchStats,
-    mut found: impl FnMut(N, f32),
+    mut ended: impl FnMut(N, Option<f32>, u32),
 ) {
     let mut lanes: [Option<(N, March)>; LANES] = std::array::from_fn(|_| marches.next());
     let mut rays = Rays::default();
@@ -37,9 +37,9 @@ pub(super) fn first_hits<N: Copy>(
             match march.tell(sdf, values[lane], noises[lane], stats) {
                 ControlFlow::Continue(()) => rays.at[lane] = march.at(),
                 ControlFlow::Break(hit) => {
-                    if let Some(at) = hit {
-                        found(*name, march.segment().reached(at));
-                    }
+                    stats.rays += 1;
+                    stats.evaluations += u64::from(march.evaluations());
+                    ended(*name, hit.map(|at| march.segment().reached(at)), march.evaluations());
                     *slot = marches.next();
                     if let Some((_, march)) = slot {
                         rays.set(lane, march);

@@ -1,6 +1,7 @@
 //! Owns colours and numbers that vary over a surface.
 //!
-//! Every texture maps the surface's uv by its transform first. Textures are y-up: v = 0 is the bottom of an image.
+//! Every texture maps the surface's uv, or a solid one the place in the space of the object, by its transform first.
+//! Textures are y-up: v = 0 is the bottom of an image.
 //! Where a coordinate is not finite, before or after the transform, a texture is black and 0. Values are what the
 //! texture holds: ending them at the range of a parameter is the caller's.
 
@@ -8,6 +9,8 @@ mod checkerboard;
 mod fbm;
 mod image;
 mod image_texture;
+mod place;
+mod solid;
 
 use std::sync::Arc;
 
@@ -17,6 +20,8 @@ pub use self::checkerboard::Checkerboard;
 pub use self::fbm::Fbm;
 pub use self::image::{Image, ImageError};
 pub use self::image_texture::ImageTexture;
+pub use self::place::Place;
+pub use self::solid::{OrbitTrap, SolidCheckerboard, SolidFbm};
 
 /// What the numbers in an image file mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,24 +76,44 @@ pub enum Texture {
     Checkerboard(Checkerboard),
     /// Fractal noise between two colours.
     Fbm(Fbm),
+    /// Two colours in cubes.
+    SolidCheckerboard(SolidCheckerboard),
+    /// Fractal noise in space.
+    SolidFbm(SolidFbm),
+    /// Colours of orbits.
+    OrbitTrap(OrbitTrap),
 }
 
 impl Texture {
-    /// Linear Rec.709 colour at a texture coordinate of the surface.
-    pub fn color(&self, uv: Vec2) -> Vec3 {
+    /// Linear Rec.709 colour at a point of the surface.
+    pub fn color(&self, at: &Place) -> Vec3 {
         match self {
-            Self::Image(image) => image.color(uv),
-            Self::Checkerboard(board) => board.color(uv),
-            Self::Fbm(fbm) => fbm.color(uv),
+            Self::Image(image) => image.color(at.uv),
+            Self::Checkerboard(board) => board.color(at.uv),
+            Self::Fbm(fbm) => fbm.color(at.uv),
+            Self::SolidCheckerboard(board) => board.color(at.solid),
+            Self::SolidFbm(fbm) => fbm.color(at.solid),
+            Self::OrbitTrap(trap) => trap.color(&at.traps),
         }
     }
 
-    /// A number at a texture coordinate of the surface: the chosen channel of an image, otherwise the luminance.
-    pub fn number(&self, uv: Vec2) -> f32 {
+    /// A number at a point of the surface: the chosen channel of an image, otherwise the luminance.
+    pub fn number(&self, at: &Place) -> f32 {
         match self {
-            Self::Image(image) => image.number(uv),
-            Self::Checkerboard(board) => crate::color::luminance(board.color(uv)),
-            Self::Fbm(fbm) => crate::color::luminance(fbm.color(uv)),
+            Self::Image(image) => image.number(at.uv),
+            Self::Checkerboard(_)
+            | Self::Fbm(_)
+            | Self::SolidCheckerboard(_)
+            | Self::SolidFbm(_)
+            | Self::OrbitTrap(_) => crate::color::luminance(self.color(at)),
+        }
+    }
+
+    /// Whether it varies with the surface's uv, and so has a slope along them.
+    pub fn is_over_uv(&self) -> bool {
+        match self {
+            Self::Image(_) | Self::Checkerboard(_) | Self::Fbm(_) => true,
+            Self::SolidCheckerboard(_) | Self::SolidFbm(_) | Self::OrbitTrap(_) => false,
         }
     }
 }
@@ -103,6 +128,7 @@ impl Texture {
                 let finest = t.frequency * crate::math::powf(t.lacunarity, (t.octaves - 1) as f32);
                 (0.125 / finest, t.transform)
             }
+            Self::SolidCheckerboard(_) | Self::SolidFbm(_) | Self::OrbitTrap(_) => return 1.0,
         };
         let stretch = transform.matrix2.x_axis.length().max(transform.matrix2.y_axis.length());
         // Finer differences would be rounding error.
@@ -120,12 +146,20 @@ pub enum Color {
 }
 
 impl Color {
-    /// Linear Rec.709 colour at a texture coordinate of the surface.
+    /// Linear Rec.709 colour at a point of the surface.
     #[inline]
-    pub fn at(&self, uv: Vec2) -> Vec3 {
+    pub fn at(&self, place: &Place) -> Vec3 {
         match self {
             Self::Constant(color) => *color,
-            Self::Texture(texture) => texture.color(uv),
+            Self::Texture(texture) => texture.color(place),
+        }
+    }
+
+    /// The texture that it is, if it varies.
+    pub fn texture(&self) -> Option<&Texture> {
+        match self {
+            Self::Constant(_) => None,
+            Self::Texture(texture) => Some(texture),
         }
     }
 }
@@ -140,12 +174,20 @@ pub enum Number {
 }
 
 impl Number {
-    /// The number at a texture coordinate of the surface.
+    /// The number at a point of the surface.
     #[inline]
-    pub fn at(&self, uv: Vec2) -> f32 {
+    pub fn at(&self, place: &Place) -> f32 {
         match self {
             Self::Constant(number) => *number,
-            Self::Texture(texture) => texture.number(uv),
+            Self::Texture(texture) => texture.number(place),
+        }
+    }
+
+    /// The texture that it is, if it varies.
+    pub fn texture(&self) -> Option<&Texture> {
+        match self {
+            Self::Constant(_) => None,
+            Self::Texture(texture) => Some(texture),
         }
     }
 
@@ -153,7 +195,9 @@ impl Number {
     pub fn gradient(&self, uv: Vec2) -> Vec2 {
         let Self::Texture(texture) = self else { return Vec2::ZERO };
         let step = texture.detail();
-        let change = |axis: Vec2| texture.number(uv + axis * step) - texture.number(uv - axis * step);
+        let change = |axis: Vec2| {
+            texture.number(&(uv + axis * step).into()) - texture.number(&(uv - axis * step).into())
+        };
         Vec2::new(change(Vec2::X), change(Vec2::Y)) / (2.0 * step)
     }
 }
@@ -215,7 +259,7 @@ mod tests {
             for u in HOSTILE {
                 for v in HOSTILE {
                     let uv = Vec2::new(u, v);
-                    let (color, number) = (texture.color(uv), texture.number(uv));
+                    let (color, number) = (texture.color(&uv.into()), texture.number(&uv.into()));
                     let held = |value: f32| (0.2499..=0.9413).contains(&value);
                     assert!(color.to_array().into_iter().all(held), "({u}, {v}): {color} in {texture:?}");
                     assert!(held(number), "({u}, {v}): {number} in {texture:?}");
@@ -227,7 +271,11 @@ mod tests {
     #[test]
     fn coordinates_that_are_not_finite_are_black() {
         let black = |texture: &Texture, uv: Vec2| {
-            assert_eq!((texture.color(uv), texture.number(uv)), (Vec3::ZERO, 0.0), "{uv}: {texture:?}");
+            assert_eq!(
+                (texture.color(&uv.into()), texture.number(&uv.into())),
+                (Vec3::ZERO, 0.0),
+                "{uv}: {texture:?}"
+            );
         };
         for texture in all(Affine2::IDENTITY) {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -244,15 +292,15 @@ mod tests {
     fn constants_are_the_same_everywhere_and_textures_are_looked_up() {
         let (here, there) = (Vec2::new(0.1, 0.1), Vec2::new(0.9, 0.1));
         let color = Color::Constant(Vec3::X);
-        assert_eq!([color.at(here), color.at(Vec2::NAN)], [Vec3::X; 2]);
-        assert_eq!(Number::Constant(2.0).at(there), 2.0);
+        assert_eq!([color.at(&here.into()), color.at(&Vec2::NAN.into())], [Vec3::X; 2]);
+        assert_eq!(Number::Constant(2.0).at(&there.into()), 2.0);
         let colors = [Vec3::X, Vec3::Y];
         let board = Arc::new(Texture::Checkerboard(Checkerboard { colors, transform: Affine2::IDENTITY }));
         let color = Color::Texture(board.clone());
-        assert_eq!([color.at(here), color.at(there)], colors);
+        assert_eq!([color.at(&here.into()), color.at(&there.into())], colors);
         // The luminance of red and of green.
         let number = Number::Texture(board);
-        assert_eq!([number.at(here), number.at(there)], [0.2126, 0.7152]);
+        assert_eq!([number.at(&here.into()), number.at(&there.into())], [0.2126, 0.7152]);
     }
 
     #[test]

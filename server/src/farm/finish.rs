@@ -41,8 +41,9 @@ type Encoded = (Vec<(Format, Vec<u8>)>, Option<Failure>);
 fn encode_all(frame: &LiveFrame, denoise: Denoise) -> Result<Encoded, Error> {
     let (picture, statistics) = {
         let merged = frame.merged();
+        let objects = encode::object_statistics(frame.scene.function_names(), merged.film.objects());
         let seed = frame.scene.sampling().seed;
-        (merged.film.picture(), encode::statistics(frame.frame, seed, &merged.film.summary()))
+        (merged.film.picture(), encode::statistics(frame.frame, seed, &merged.film.summary(), &objects))
     };
     let (smooth, failure) = match denoise_picture(&picture, denoise) {
         Ok(smooth) => (smooth, None),

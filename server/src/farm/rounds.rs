@@ -192,6 +192,7 @@ fn report(round: u32, seconds: f64, summary: &FrameSummary) -> RoundReport {
             shadow_rays: counters.shadow_rays,
             nonfinite: counters.nan_samples + counters.infinite_samples,
             exhausted: counters.exhausted_rays,
+            sdf_evaluations: counters.sdf_evaluations,
         },
     }
 }

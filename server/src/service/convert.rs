@@ -196,6 +196,7 @@ fn statistics(s: &Statistics) -> v1::Statistics {
         shadow_rays: s.shadow_rays,
         nonfinite_samples: s.nonfinite,
         exhausted_rays: s.exhausted,
+        sdf_evaluations: s.sdf_evaluations,
     }
 }
 

@@ -12,6 +12,7 @@ use crate::scene::document::named::Named;
 use crate::scene::document::rule::{Allowed, Meaning};
 use crate::scene::document::schema::{self, Definitions};
 use crate::scene::document::tree::{Node, Value};
+use crate::sdf::Trap;
 use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
 
 /// A type of the document: how it is read, how it is written and what its schema is.
@@ -440,6 +441,18 @@ words! {
         "blue" => Blue,
         /// Alpha; 1 where the image has none.
         "alpha" => Alpha,
+    }
+}
+
+words! {
+    "trap";
+    Trap {
+        /// The middle.
+        "origin" => Origin,
+        /// The nearest axis.
+        "axes" => Axes,
+        /// The nearest plane on which a coordinate is 0.
+        "planes" => Planes,
     }
 }
 

@@ -5,6 +5,7 @@ use glam::{Vec3, Vec4};
 use crate::math::Aabb;
 use crate::sdf::error::{SdfError, require};
 use crate::sdf::real::{Point, Real};
+use crate::sdf::traps::Traps;
 
 /// The surface is where the distance estimate equals this, in the fractal's own units (it is 1 to 2 in radius).
 pub(in crate::sdf) const LEVEL: f32 = 1.0 / 2048.0;
@@ -48,6 +49,21 @@ impl Julia {
         let radius = self.escape_radius * 1.02 + 8.0 * LEVEL;
         let radius = if margin > 0.0 { (1.5 * radius).max(radius + margin) } else { radius };
         Aabb { min: Vec3::splat(-radius), max: Vec3::splat(radius) }
+    }
+
+    /// The traps of the orbit of `p`: of its points after the first iteration, up to the one that leaves the bailout
+    /// radius. Axes and planes are those of all four parts.
+    pub(in crate::sdf) fn traps(self, p: Point<f32>) -> Traps {
+        let (mut traps, mut q) = (Traps::NONE, Vec4::new(p.x, p.y, p.z, 0.0));
+        for _ in 0..self.iterations {
+            if q.length_squared() >= BAILOUT2 {
+                break;
+            }
+            let real = q.x * q.x - q.y * q.y - q.z * q.z - q.w * q.w;
+            q = Vec4::new(real, 2.0 * q.x * q.y, 2.0 * q.x * q.z, 2.0 * q.x * q.w) + self.c;
+            traps.pass(&q.to_array());
+        }
+        traps
     }
 
     #[inline]

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::math::Aabb;
 use crate::sdf::real::{Point, Real};
+use crate::sdf::traps::Traps;
 
 /// A solid. Its value is negative inside, positive outside, and changes no faster than the place.
 #[derive(Debug, Clone, Copy)]
@@ -74,6 +75,23 @@ impl Leaf {
             | Self::Ellipsoid(_)
             | Self::Mandelbulb(_)
             | Self::Julia(_) => 0.0,
+        }
+    }
+
+    /// How close the orbit of a place comes to the traps, where there is one.
+    pub(in crate::sdf) fn traps(&self, p: Point<f32>) -> Option<Traps> {
+        match self {
+            Self::Mandelbulb(solid) => Some(solid.traps(p)),
+            Self::Julia(solid) => Some(solid.traps(p)),
+            Self::Sphere(_)
+            | Self::Cuboid(_)
+            | Self::RoundedBox(_)
+            | Self::Plane
+            | Self::Torus(_)
+            | Self::Cylinder(_)
+            | Self::Capsule(_)
+            | Self::Cone(_)
+            | Self::Ellipsoid(_) => None,
         }
     }
 

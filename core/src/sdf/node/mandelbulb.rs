@@ -5,6 +5,7 @@ use glam::Vec3;
 use crate::math::Aabb;
 use crate::sdf::error::{SdfError, require};
 use crate::sdf::real::{Point, Real};
+use crate::sdf::traps::Traps;
 
 /// The surface is where the distance estimate equals this, in the fractal's own units (it is about 1.1 in radius).
 ///
@@ -106,6 +107,23 @@ impl Mandelbulb {
             square = z.length_squared();
         }
         (square.max(R::splat(f32::MIN_POSITIVE)).sqrt(), derivative, square.less(limit))
+    }
+
+    /// The traps of the orbit of `p`: of its points after the first iteration, up to the one that leaves the bailout
+    /// radius.
+    pub(in crate::sdf) fn traps(self, p: Point<f32>) -> Traps {
+        let (mut traps, mut z) = (Traps::NONE, p);
+        for _ in 0..self.iterations {
+            let square = z.length_squared();
+            if square >= self.bailout * self.bailout {
+                break;
+            }
+            let r = square.sqrt();
+            let (next, _) = if self.whole == 0 { self.power_any(z, r) } else { self.power_whole(z, r) };
+            z = Point::new(next.x + p.x, next.y + p.y, next.z + p.z);
+            traps.pass(&[z.x, z.y, z.z]);
+        }
+        traps
     }
 
     /// `zⁿ` and `n |z|ⁿ⁻¹` for whole `n`.

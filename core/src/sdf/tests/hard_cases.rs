@@ -1,11 +1,11 @@
 //! Hard cases of distance functions, each held against a proof by intervals or a slow march in f64.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3, Vec4};
 
 use super::accuracy::reference;
 use super::oracle::examine;
 use super::{Random, moved, object, ray};
-use crate::sdf::{MarchStats, NodeId, NoiseParameters, Sdf, SdfRay, TapeBuilder};
+use crate::sdf::{MarchStats, NodeId, NoiseParameters, Sdf, SdfError, SdfRay, TapeBuilder, Traps};
 
 /// Rays of each object.
 const RAYS: u32 = 512;
@@ -179,4 +179,49 @@ fn cameras_inside_of_a_bulb_see_its_wall() {
     assert!(hits > 500, "{hits}");
     // Slow steps along the axis may use them all up; that is counted.
     assert!(stats.exhausted <= 5, "{stats:?}");
+}
+
+#[test]
+fn fractals_closer_than_single_precision_are_refused() {
+    let sdf = object(|t| t.mandelbulb(8.0, 10, 4.0));
+    let eye = Vec3::new(0.4, 0.3, 2.0);
+    // A thousand pixels over a field of view of half a degree, and of a hundred thousandth of one.
+    assert_eq!(sdf.resolves(eye, 4e-6), Ok(()));
+    let error = sdf.resolves(eye, 1e-10).unwrap_err();
+    assert!(matches!(error, SdfError::TooClose { .. }), "{error}");
+    let text = error.to_string();
+    assert!(text.contains("a pixel sees") && text.contains("hint: move the camera back"), "{text}");
+    // Right at the surface, and inside.
+    let toward = ray(eye, -eye);
+    let t = sdf.intersect(&toward, &mut MarchStats::default()).expect("the middle is inside");
+    assert!(sdf.resolves(toward.origin + toward.dir * (t - 1e-5), 5e-4).is_err());
+    assert_eq!(sdf.resolves(toward.origin + toward.dir * (t - 1e-3), 5e-4), Ok(()));
+    assert_eq!(sdf.resolves(Vec3::ZERO, 5e-4), Ok(()));
+    // What is smooth has nothing to show there, and stays.
+    assert_eq!(object(|t| t.torus(1.0, 0.2)).resolves(eye, 1e-10), Ok(()));
+}
+
+#[test]
+fn orbits_come_close_to_their_traps() {
+    let sdf = object(|t| t.mandelbulb(8.0, 10, 4.0));
+    // The orbit of the middle stays there.
+    let traps = sdf.traps(Vec3::ZERO);
+    assert_eq!([traps.origin, traps.axes, traps.planes], [0.0; 3]);
+    // The polar axis stays: 0.8 goes to 0.8⁸ + 0.8 = 0.9678, and on outwards.
+    let traps = sdf.traps(Vec3::new(0.0, 0.0, 0.8));
+    assert!((traps.origin - 0.967_772_2).abs() < 1e-5 && traps.axes < 1e-5, "{traps:?}");
+    // A smaller bulb to the left, a ball in between: the fractal that is near is asked, in its own space.
+    let pair = object(|t| {
+        let (small, ball) = (t.mandelbulb(8.0, 10, 4.0), t.sphere(0.2));
+        let julia = t.julia(Vec4::new(-0.2, 0.6, 0.2, 0.2), 10);
+        let small = t.transform(small, Vec3::X * -3.0, Mat3::IDENTITY, 0.5);
+        let julia = moved(t, julia, Vec3::X * 3.0);
+        t.union(&[small, ball, julia])
+    });
+    let there = pair.traps(Vec3::new(-3.0, 0.0, 0.4));
+    assert!((there.origin - traps.origin).abs() < 1e-5, "{there:?}");
+    let alone = object(|t| t.julia(Vec4::new(-0.2, 0.6, 0.2, 0.2), 10)).traps(Vec3::new(0.1, 0.7, 0.3));
+    let near = pair.traps(Vec3::new(3.1, 0.7, 0.3));
+    assert!((near.axes - alone.axes).abs() < 1e-4 && near.axes > 0.0, "{near:?} {alone:?}");
+    assert_eq!(object(|t| t.sphere(1.0)).traps(Vec3::X), Traps::NONE);
 }

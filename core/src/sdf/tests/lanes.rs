@@ -127,7 +127,12 @@ fn rays_in_company_hit_what_they_hit_alone() {
             .collect();
         let (mut alone, mut together) = (MarchStats::default(), MarchStats::default());
         let mut hits = vec![None; rays.len()];
-        sdf.intersect_all(rays.iter().copied().enumerate(), &mut together, |i, t| hits[i] = Some(t));
+        let mut evaluations = 0;
+        sdf.intersect_all(rays.iter().copied().enumerate(), &mut together, |i, t, taken| {
+            hits[i] = t;
+            evaluations += u64::from(taken);
+        });
+        assert_eq!(evaluations, together.evaluations, "{name}");
         for (ray, hit) in rays.iter().zip(&hits) {
             assert_eq!(
                 sdf.intersect(ray, &mut alone).map(f32::to_bits),

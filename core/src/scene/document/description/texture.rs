@@ -1,6 +1,6 @@
 //! Owns colours and numbers that may vary over a surface.
 
-use glam::{Affine2, DAffine2, DMat2, DVec2, Vec3};
+use glam::{Affine2, DAffine2, DAffine3, DMat2, DVec2, Vec3};
 use serde_json::{Value as Json, json};
 
 use crate::scene::document::asset::AssetKind;
@@ -10,6 +10,7 @@ use crate::scene::document::macros::{object, variants};
 use crate::scene::document::rule::{Allowed, auto, or, required};
 use crate::scene::document::schema::Definitions;
 use crate::scene::document::tree::Value;
+use crate::sdf::Trap;
 use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
 
 variants! {
@@ -59,6 +60,54 @@ variants! {
             seed: u32 = or(0);
             /// Maps the surface's uv to that of the texture.
             transform: DAffine2 = or(DAffine2::IDENTITY);
+        }
+        /// Cubes of half a unit in the space of the object, in two colours by turns: needs no uv. The space is that of a
+        /// mesh's file, of a tree of distance functions, or around the centre of a sphere.
+        "solid_checkerboard" => SolidCheckerboard {
+            /// Colour of the cube from (0, 0, 0) to (0.5, 0.5, 0.5); a number is a grey.
+            color0: Shade = or(Shade(Vec3::splat(0.4)));
+            /// Colour of the cubes beside it; a number is a grey.
+            color1: Shade = or(Shade(Vec3::splat(0.2)));
+            /// Maps the space of the object to that of the texture.
+            transform: DAffine3 = or(DAffine3::IDENTITY);
+        }
+        /// Fractal noise in the space of the object: needs no uv. With equal numbers it is the noise of `fbm_noise`, and a
+        /// displaced surface has the colours of its height.
+        "solid_fbm" => SolidFbm {
+            /// Colour where the noise is `low` or less; a number is a grey.
+            color0: Shade = or(Shade(Vec3::ZERO));
+            /// Colour where the noise is `high` or more; a number is a grey.
+            color1: Shade = or(Shade(Vec3::ONE));
+            /// Value with the first colour. All octaves together reach -1 and 1, and are rarely beyond half of that.
+            low: f32 = or(-0.5).from(-1.0).to(1.0);
+            /// Value with the second colour; above `low`.
+            high: f32 = or(0.5).from(-1.0).to(1.0);
+            /// Number of octaves.
+            octaves: u32 = or(6).from(1.0).to(16.0);
+            /// Amplitude of an octave, in units of the one before.
+            gain: f32 = or(0.5).from(0.0).to(1.0);
+            /// Frequency of an octave, in units of the one before.
+            lacunarity: f32 = or(2.0).from(1.0).to(8.0);
+            /// Cells of the first octave per unit of length.
+            frequency: f32 = or(1.0).from(1.0e-6).to(1.0e6);
+            /// Chooses the noise.
+            seed: u32 = or(0);
+            /// Maps the space of the object to that of the texture.
+            transform: DAffine3 = or(DAffine3::IDENTITY);
+        }
+        /// Colours of a Mandelbulb or a Julia set: how close the orbit of a point comes to a trap. Everything else has
+        /// the second colour.
+        "orbit_trap" => OrbitTrap {
+            /// Colour of orbits that come as close as `near`; a number is a grey.
+            color0: Shade = or(Shade(Vec3::ZERO));
+            /// Colour of orbits that stay as far away as `far`; a number is a grey.
+            color1: Shade = or(Shade(Vec3::ONE));
+            /// What orbits come close to.
+            trap: Trap = or(Trap::Origin);
+            /// Distance from the trap with the first colour, in the fractal's own units.
+            near: f32 = or(0.0).from(0.0);
+            /// Distance from the trap with the second colour; above `near`.
+            far: f32 = or(1.0).above(0.0);
         }
     }
 }
