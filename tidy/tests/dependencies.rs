@@ -21,7 +21,7 @@ const CRATES: [(&str, &[&str]); 7] = [
 ];
 
 /// Inside `core` a module uses only what stands to its left.
-const CORE: &str = "cpu math color | sampler warp | texture | sdf mesh bvh | bsdf medium | light film camera | scene | \
+const CORE: &str = "cpu math color | sampler warp | sdf mesh bvh | texture | bsdf medium | light film camera | scene | \
                     integrator | render | encode";
 
 /// Folders of the crates whose modules are drawn and must be free of cycles.
