@@ -71,6 +71,13 @@ impl Real for f32x8 {
     }
 }
 
+/// [`noise::STRIDES`] in every lane. A constant: made on the spot, compilers put it together on the stack.
+const STRIDE: [u32x8; 3] =
+    [u32x8::splat(noise::STRIDES[0]), u32x8::splat(noise::STRIDES[1]), u32x8::splat(noise::STRIDES[2])];
+
+/// [`noise::FACTORS`] in every lane.
+const FACTOR: [u32x8; 2] = [u32x8::splat(noise::FACTORS[0]), u32x8::splat(noise::FACTORS[1])];
+
 impl Lattice for f32x8 {
     type Cell = [u32x8; 3];
 
@@ -78,25 +85,21 @@ impl Lattice for f32x8 {
     fn cell(corner: Point<Self>, key: u32) -> [u32x8; 3] {
         let [x, y, z] =
             [corner.x, corner.y, corner.z].map(|at| bytemuck::cast::<i32x8, u32x8>(at.trunc_int()));
-        let [a, b, c] = noise::STRIDES.map(u32x8::splat);
-        [x * a + u32x8::splat(key), y * b, z * c]
+        [x * STRIDE[0] + u32x8::splat(key), y * STRIDE[1], z * STRIDE[2]]
     }
 
     #[inline]
     fn corner(cell: [u32x8; 3], step: [u32; 3], way: Point<Self>) -> Self {
-        let [x, y, z]: [u32x8; 3] = std::array::from_fn(|axis| {
-            cell[axis] + u32x8::splat(step[axis].wrapping_mul(noise::STRIDES[axis]))
-        });
-        edge(mix(x ^ y ^ z), way)
+        let at = |axis: usize| if step[axis] == 0 { cell[axis] } else { cell[axis] + STRIDE[axis] };
+        edge(mix(at(0) ^ at(1) ^ at(2)), way)
     }
 }
 
 /// [`noise::mix`] of every lane.
 #[inline]
 fn mix(bits: u32x8) -> u32x8 {
-    let [first, second] = noise::FACTORS.map(u32x8::splat);
-    let bits = (bits ^ (bits >> 16)) * first;
-    let bits = (bits ^ (bits >> 15)) * second;
+    let bits = (bits ^ (bits >> 16)) * FACTOR[0];
+    let bits = (bits ^ (bits >> 15)) * FACTOR[1];
     bits ^ (bits >> 15)
 }
 
