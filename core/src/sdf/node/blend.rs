@@ -1,4 +1,6 @@
 //! Owns the polynomial blend that the smooth operators share.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `smooth_union`, `smooth_intersection`, `smooth_difference`, made by `scenes/sdf/`.
 
 use crate::sdf::error::{SdfError, require};
 use crate::sdf::real::Real;

@@ -1,4 +1,6 @@
 //! Owns the capsule along the y axis.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `capsule`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns the cone around the y axis, with its tip or without.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `cone`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns the axis-aligned box around the origin.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `box`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns the cylinder around the y axis.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `cylinder`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns displacement of any object by noise.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `fbm_noise`, `fbm_noise_sphere`, made by `scenes/sdf/`.
 
 use crate::sdf::error::SdfError;
 use crate::sdf::noise::{Noise, NoiseParameters};

@@ -1,4 +1,6 @@
 //! Owns the ellipsoid.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `ellipsoid`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

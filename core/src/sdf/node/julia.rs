@@ -1,4 +1,6 @@
 //! Owns the quaternion Julia set.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `julia`, `julia_close`, made by `scenes/sdf/`.
 
 use glam::{Vec3, Vec4};
 

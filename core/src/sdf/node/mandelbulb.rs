@@ -1,4 +1,6 @@
 //! Owns the Mandelbulb.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `mandelbulb`, `mandelbulb_valley`, `mandelbulb_power_4`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 
@@ -23,7 +25,7 @@ const MAX_DERIVATIVE: f32 = 1e30;
 /// `f(p) = c(p) (DE(p) - LEVEL)`, and `-c(p) LEVEL` where the orbit does not leave the bailout radius.
 /// The Lipschitz bound 1 is **not proven**: the ball of radius DE holds points of the set for 0.08 % of exterior
 /// points, and for 0.9 % near the polar axis, where the azimuth is stretched by up to `n` and the scalar derivative
-/// does not see it. Hence `c`: 0.9 far from the axis, 0.25 within 0.15 of it, continuous in between (a positive factor
+/// does not see it. Hence `c`: 0.9 far from the axis, 0.25 within `1.2 / n` of it, continuous in between (a positive factor
 /// moves no surface); and hence the march treats a sign change at the end of a supposedly free step as an overshoot
 /// and goes back. Far away the estimate exceeds the distance, so beyond 1.5 escape radii the distance to the ball of
 /// the escape radius caps it.
@@ -76,9 +78,11 @@ impl Mandelbulb {
         let estimate = R::splat(0.5) * radius.ln() * radius / derivative;
         let level = R::splat(LEVEL);
         let value = R::select(inside, -level, estimate - level);
-        // The step factor: 0.25 near the polar axis, 0.9 away from it.
+        // The step factor: 0.25 near the polar axis, where the azimuth is stretched over an angle of about 1/n, 0.9 away
+        // from it.
         let axis = (p.x * p.x + p.y * p.y).sqrt();
-        let blend = ((axis - R::splat(0.15)) * R::splat(1.0 / 0.15)).max(R::splat(0.0)).min(R::splat(1.0));
+        let near = 1.2 / self.power;
+        let blend = ((axis - R::splat(near)) * R::splat(1.0 / near)).max(R::splat(0.0)).min(R::splat(1.0));
         let scaled = value * (R::splat(0.25) + R::splat(0.65) * blend);
         // Far away the distance to the escape ball is the better bound, and the only valid one.
         let far = p.length() - R::splat(self.escape_radius);

@@ -1,4 +1,6 @@
 //! Owns what makes one object of two.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `union`, `intersection`, `difference`, made by `scenes/sdf/`.
 
 use super::Blend;
 use crate::math::Aabb;

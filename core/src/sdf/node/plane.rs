@@ -1,4 +1,6 @@
 //! Owns the half-space.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `plane`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns copies of a child at the points of a lattice.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `repetition`, `repetition_infinite`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns the box with rounded edges.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `rounded_box`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns the ball around the origin.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `sphere`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

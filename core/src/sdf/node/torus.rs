@@ -1,4 +1,6 @@
 //! Owns the torus around the y axis.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `torus`, made by `scenes/sdf/`.
 
 use glam::Vec3;
 

@@ -1,4 +1,6 @@
 //! Owns rigid transforms with a uniform scale.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `transform`, made by `scenes/sdf/`.
 
 use glam::{DMat3, DVec3, Mat3, Vec3};
 

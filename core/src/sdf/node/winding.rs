@@ -1,4 +1,6 @@
 //! Owns the two ways of winding a child: twist and bend.
+//!
+//! On the sheet `docs/images/sdf-nodes.png`: `twist`, `bend`, made by `scenes/sdf/`.
 
 use glam::Vec3Swizzles as _;
 
