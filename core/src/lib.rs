@@ -41,6 +41,7 @@ pub mod mesh;
 pub mod bvh;
 
 pub mod bsdf;
+pub mod medium;
 
 pub mod light;
 
