@@ -1,5 +1,6 @@
 //! Owns all lights of a scene and the choice among them.
 
+use super::along::Beacons;
 use super::emitter::Balls;
 use super::tree::{Cut, Tree, View};
 use super::{Light, Receiver};
@@ -12,7 +13,7 @@ use glam::Vec3;
 /// tree that is walked down, and those at infinity stand beside it.
 #[derive(Debug, Clone, Default)]
 pub struct Lights {
-    all: Vec<Light>,
+    pub(super) all: Vec<Light>,
     /// Few lights, eight at a time.
     few: Vec<Balls>,
     /// Numbers of the lights that are weighed by themselves: those at infinity, and spotlights.
@@ -23,6 +24,8 @@ pub struct Lights {
     tree: Option<Tree>,
     /// Squared distance below which lights do not gain weight, so that weights stay finite.
     nearest2: f32,
+    /// Those at a finite distance, as media see them.
+    pub(super) beacons: Beacons,
 }
 
 impl Lights {
@@ -47,6 +50,7 @@ impl Lights {
             infinite: numbers(&|i| emitters[i].is_none()),
             tree: many.then(|| Tree::new(&emitters, is_exact)),
             nearest2: (size2 * 1e-14).clamp(1e-30, 1e30),
+            beacons: Beacons::new(&lights),
             all: lights,
         }
     }
@@ -93,6 +97,19 @@ impl Lights {
         } else {
             0.0
         }
+    }
+
+    /// Chooses a light at infinity by `u`: its number and the probability of the choice. `None` without any.
+    pub fn choose_infinite(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
+        let weights = self.infinite.iter().map(|&i| (i as usize, self.importance(i as usize, from)));
+        let total: f32 = weights.clone().map(|(_, weight)| weight).sum();
+        pick(weights, u * total).map(|(light, weight)| (light, weight / total))
+    }
+
+    /// Probability with which [`Lights::choose_infinite`] takes a light.
+    pub fn infinite_pdf(&self, from: &Receiver, index: usize) -> f32 {
+        let total: f32 = self.infinite.iter().map(|&i| self.importance(i as usize, from)).sum();
+        if total > 0.0 { self.importance(index, from) / total } else { 0.0 }
     }
 
     /// Lights at infinity along a ray that leaves the scene: number, radiance, and the density per solid angle of
@@ -184,7 +201,7 @@ impl Lights {
 }
 
 /// The item at `rest` along the weights laid end to end; never one of weight 0.
-fn pick(weights: impl Iterator<Item = (usize, f32)>, mut rest: f32) -> Option<(usize, f32)> {
+pub(super) fn pick(weights: impl Iterator<Item = (usize, f32)>, mut rest: f32) -> Option<(usize, f32)> {
     let mut chosen = None;
     for (index, weight) in weights {
         if weight > 0.0 {

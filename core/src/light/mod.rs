@@ -4,6 +4,8 @@
 //! again when a path finds the light by itself, so that both strategies can be weighed (MIS): whatever decides how a
 //! light is sampled depends on the light and the position of the receiver only.
 
+mod along;
+mod beacon;
 mod choice;
 mod emitter;
 mod environment;
@@ -21,6 +23,8 @@ mod triangle;
 #[cfg(test)]
 mod tests;
 
+pub use along::{Along, Numbers};
+pub use beacon::Span;
 pub use choice::Lights;
 pub use environment::EnvironmentLight;
 pub use mesh::mesh_lights;
@@ -31,6 +35,7 @@ pub use spotlight::{SpotFalloff, SpotLight};
 pub use sun::SunLight;
 pub use triangle::TriangleLight;
 
+use crate::math::Aabb;
 use emitter::Emitter;
 use glam::{Vec2, Vec3};
 
@@ -102,6 +107,11 @@ impl Light {
             Self::Sun(l) => Some(l.sample(u)),
             Self::Environment(l) => l.sample(u),
         }
+    }
+
+    /// A box around it; `None` at infinity.
+    pub(crate) fn bounds(&self) -> Option<Aabb> {
+        self.emitter().filter(|_| !matches!(self, Self::Unsampled(_))).map(|emitter| emitter.bounds)
     }
 
     /// Where it is and how it shines, roughly; `None` at infinity.

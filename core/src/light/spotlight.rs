@@ -7,6 +7,7 @@ use crate::color::luminance;
 use crate::math::Aabb;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
+use wide::f32x8;
 
 /// How the intensity of a spotlight falls with the angle θ off its axis; angles in degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +77,47 @@ impl SpotLight {
         };
         let axis = direction.normalize_or(DVec3::NEG_Z);
         Self { position, axis, intensity, falloff, cos_edge: libm::cos(edge) }
+    }
+
+    pub(super) fn position(&self) -> Vec3 {
+        self.position
+    }
+
+    pub(super) fn intensity(&self) -> Vec3 {
+        self.intensity
+    }
+
+    pub(super) fn axis(&self) -> DVec3 {
+        self.axis
+    }
+
+    /// Cosine of the angle off the axis from which on there is no light.
+    pub(super) fn cos_edge(&self) -> f64 {
+        self.cos_edge
+    }
+
+    /// Roughly the shares of the intensity at cosines off the axis.
+    #[inline]
+    pub(super) fn shares(&self, cos: f32x8) -> f32x8 {
+        let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
+        match self.falloff {
+            Falloff::Power { exponent } => {
+                let tiny = f32x8::splat(1e-30);
+                (cos.max(tiny).ln() * f32x8::splat(exponent as f32)).max(f32x8::splat(-60.0)).exp()
+            }
+            Falloff::Linear { beam, edge } => {
+                // The angle by the chord, which is exact where beams are narrow.
+                let chord = (one - cos).max(zero) * f32x8::splat(0.5);
+                let angle = chord.sqrt().min(one).asin() * f32x8::splat(2.0);
+                let width = ((edge - beam) as f32).max(1e-6);
+                ((f32x8::splat(edge as f32) - angle) / f32x8::splat(width)).max(zero).min(one)
+            }
+            Falloff::Smoothstep { width } => {
+                let width = (width as f32).max(1e-6);
+                let t = ((cos - f32x8::splat(self.cos_edge as f32)) / f32x8::splat(width)).max(zero).min(one);
+                t * t * (f32x8::splat(3.0) - t * f32x8::splat(2.0))
+            }
+        }
     }
 
     /// Share of the intensity that goes along a unit direction away from the light.

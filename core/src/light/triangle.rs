@@ -28,6 +28,11 @@ impl TriangleLight {
         self.radiance
     }
 
+    /// Its centre of mass.
+    pub(super) fn middle(&self) -> Vec3 {
+        self.corners.iter().sum::<Vec3>() / 3.0
+    }
+
     pub(super) fn emitter(&self) -> Emitter {
         let cross = cross(self.corners);
         let bounds = self.corners.iter().fold(Aabb::EMPTY, |b, p| b.with_point(*p));

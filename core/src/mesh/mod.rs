@@ -1,5 +1,6 @@
 //! Owns triangle meshes: what they are, and that every one that is read is sound.
 
+mod closed;
 mod obj;
 mod ply;
 #[cfg(test)]

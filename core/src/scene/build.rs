@@ -5,6 +5,7 @@ use super::compiled::{Scene, Strategy};
 use super::document::{self as doc, Description, Problem, Problems};
 use super::material::Material;
 use super::materials;
+use super::media::Media;
 use super::object::{Object, Shape};
 use super::tape;
 use crate::bvh::Bvh;
@@ -12,6 +13,7 @@ use crate::camera::{Camera, Perspective};
 use crate::film::{FilterKind, FrameSize, PixelFilter, Region};
 use crate::light::{self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotLight, SunLight};
 use crate::math::{Aabb, Transform};
+use crate::medium::Medium;
 use crate::mesh::Mesh;
 use crate::sampler::Stream;
 use crate::sdf::{Sdf, Settings};
@@ -29,6 +31,7 @@ impl Scene {
             problems: Problems::default(),
             materials: Vec::new(),
             objects: Vec::new(),
+            fillings: Vec::new(),
             lights: Vec::new(),
             emitters: Vec::new(),
         };
@@ -38,12 +41,15 @@ impl Scene {
         builder.spheres();
         builder.sdf_objects(camera.as_ref());
         builder.lights();
-        let Builder { mut problems, materials, objects, lights, emitters, .. } = builder;
+        let around = description.medium.as_ref().and_then(|name| builder.medium(name));
+        let Builder { mut problems, materials, mut objects, fillings, lights, emitters, .. } = builder;
         let boxes: Vec<Aabb> = objects.iter().map(Object::bounds).collect();
         let tree = Bvh::build(&boxes).map_err(|e| problems.push(problem(description, "", e.to_string())));
         let (Some(camera), Ok(tree), true) = (camera, tree, problems.is_empty()) else {
             return Err(problems);
         };
+        let everything = lights.iter().filter_map(Light::bounds).fold(tree.bounds(), Aabb::union);
+        let media = Media::new(&mut objects, &fillings, around, (everything, camera.position()));
         let has_holes = objects.iter().any(|object| object.holes);
         let function_names = description.sdf_objects.iter().map(|(name, _)| name.to_owned()).collect();
         let film = &description.film;
@@ -63,6 +69,7 @@ impl Scene {
             materials,
             emitters,
             has_holes,
+            media,
             function_names,
             stream: Stream::new(description.sampling.seed, frame),
             strategy: Strategy::default(),
@@ -77,6 +84,8 @@ struct Builder<'a> {
     problems: Problems,
     materials: Vec<Material>,
     objects: Vec<Object>,
+    /// What fills each object.
+    fillings: Vec<Option<Medium>>,
     lights: Vec<Light>,
     emitters: Vec<u32>,
 }
@@ -84,6 +93,24 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn problem(&mut self, path: &str, message: &str) {
         self.problems.push(problem(self.description, path, message.to_owned()));
+    }
+
+    /// The medium of that name, its coefficients by world unit.
+    fn medium(&self, name: &str) -> Option<Medium> {
+        let &doc::Medium { sigma_a, sigma_s, density, g } = self.description.media.get(name)?;
+        Some(Medium::new(sigma_a * density, sigma_s * density, g))
+    }
+
+    /// Reports a mesh that is to be filled and leaks. One that has lost triangles without area may be closed but for them.
+    fn encloses(&mut self, path: &str, mesh: &Mesh) {
+        let open = mesh.open_edges();
+        if open > 0 && mesh.dropped == 0 {
+            let message = format!(
+                "found a mesh with {open} open edges, expected a closed one whose triangles all look outwards: a medium \
+                 fills what is inside"
+            );
+            self.problem(&format!("{path}.interior"), &message);
+        }
     }
 
     fn transform(&mut self, path: &str, to_world: DAffine3) -> Option<Transform> {
@@ -110,13 +137,28 @@ impl Builder<'_> {
     }
 
     /// Adds an object and the lights that its primitives are; `lights` has one number for each primitive.
-    fn add(&mut self, shape: Shape, material: &str, flip: bool, lights: &[u32]) {
+    fn add(
+        &mut self,
+        shape: Shape,
+        (material, interior): (&str, Option<&String>),
+        flip: bool,
+        lights: &[u32],
+    ) {
+        self.fillings.push(interior.and_then(|name| self.medium(name)));
         let emitter = (!lights.is_empty()).then_some(self.emitters.len() as u32);
         let holes = self.has_holes(material);
         self.emitters.extend_from_slice(lights);
         let material = self.description.materials.index_of(material).unwrap_or(0);
         let needs = self.materials.get(material).map(Material::needs).unwrap_or_default();
-        self.objects.push(Object { shape, material: material as u32, emitter, flip, needs, holes });
+        self.objects.push(Object {
+            shape,
+            material: material as u32,
+            emitter,
+            flip,
+            needs,
+            holes,
+            interior: None,
+        });
     }
 
     fn instances(&mut self) {
@@ -132,6 +174,9 @@ impl Builder<'_> {
             if mesh.mesh.triangles.is_empty() {
                 continue;
             }
+            if instance.interior.is_some() {
+                self.encloses(&path, &mesh.mesh);
+            }
             let lights = if instance.emission.max_element() <= 0.0 {
                 Vec::new()
             } else if self.has_holes(&instance.material) {
@@ -141,7 +186,7 @@ impl Builder<'_> {
                 self.mesh_lights(&mesh.mesh, &transform, entry.face_normals, instance)
             };
             let shape = Shape::Mesh { mesh, transform, flat: entry.face_normals, flip_v: entry.flip_v };
-            self.add(shape, &instance.material, instance.flip_normals, &lights);
+            self.add(shape, (&instance.material, instance.interior.as_ref()), instance.flip_normals, &lights);
         }
     }
 
@@ -180,7 +225,8 @@ impl Builder<'_> {
                     Light::Sphere(SphereLight { center, radius, radiance: emission })
                 });
             }
-            self.add(Shape::Sphere { center, radius }, &sphere.material, flip_normals, &lights);
+            let look = (sphere.material.as_str(), sphere.interior.as_ref());
+            self.add(Shape::Sphere { center, radius }, look, flip_normals, &lights);
         }
     }
 
@@ -197,14 +243,10 @@ impl Builder<'_> {
                 let (Some(camera), Some(transform)) = (camera, &transform) else { return Ok(sdf) };
                 sdf.resolves(transform.local_point(camera.position()), camera.pixel_spread()).map(|()| sdf)
             });
+            let look = (object.material.as_str(), object.interior.as_ref());
             match (sdf, transform) {
                 (Ok(sdf), Some(transform)) => {
-                    self.add(
-                        Shape::Sdf { sdf: Box::new(sdf), transform, number },
-                        &object.material,
-                        false,
-                        &[],
-                    );
+                    self.add(Shape::Sdf { sdf: Box::new(sdf), transform, number }, look, false, &[]);
                 }
                 (Err(error), _) => self.problem(&path, &error.to_string()),
                 (Ok(_), None) => {}

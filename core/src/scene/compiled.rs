@@ -2,6 +2,7 @@
 
 use super::document::Sampling;
 use super::material::Material;
+use super::media::{Interiors, Media, Stretch};
 use super::object::{Hit, Object, Surface};
 use super::tally::Tally;
 use crate::bsdf::Bsdf;
@@ -51,6 +52,8 @@ pub struct Scene {
     pub(super) emitters: Vec<u32>,
     /// Whether some surface is there in part only, so that rays may have to cross it.
     pub(super) has_holes: bool,
+    /// What fills space, if anything does.
+    pub(super) media: Option<Media>,
     /// Names of the objects made of distance functions.
     pub(super) function_names: Vec<String>,
     pub(super) stream: Stream,
@@ -240,6 +243,56 @@ impl Scene {
 
     /// Most surfaces that a ray crosses because they are there in part only.
     pub const MAX_CROSSINGS: u32 = 1024;
+
+    /// Whether something fills space.
+    pub fn has_media(&self) -> bool {
+        self.media.is_some()
+    }
+
+    /// Inside of what the camera is.
+    pub fn camera_interiors(&self) -> Interiors {
+        self.media.as_ref().map_or(Interiors::OUTSIDE, Media::camera)
+    }
+
+    /// What fills the space that a ray begins in; `None` where nothing does.
+    pub fn medium(&self, ray: &Ray, interiors: Interiors) -> Option<Stretch<'_>> {
+        self.media.as_ref()?.at(ray, interiors)
+    }
+
+    /// Inside of what a ray is that has passed a surface along `d`.
+    pub fn beyond(&self, interiors: Interiors, surface: &Surface, d: Vec3) -> Interiors {
+        match self.objects[surface.object as usize].interior {
+            Some(interior) => interior.after(interiors, surface, d),
+            None => interiors,
+        }
+    }
+
+    /// Share of light that gets through media, and what is there in part, within the ray.
+    pub fn transmittance_through(&self, ray: &Ray, mut interiors: Interiors, tally: &mut Tally) -> Vec3 {
+        let end = ray.at(1.0);
+        let (mut rest, mut through) = (*ray, Vec3::ONE);
+        for _ in 0..Self::MAX_CROSSINGS {
+            let found =
+                if self.has_holes { self.nearest(&rest, 0.0, tally, |_, object| object.holes) } else { None };
+            if let Some(stretch) = self.medium(&rest, interiors) {
+                let until = found.map_or(rest.t_max, |hit| hit.t).min(stretch.end);
+                through *= stretch.medium.transmittance(until * rest.d.length());
+            }
+            let Some(hit) = found else { return through };
+            let surface = self.surface(&rest, &hit);
+            through *= 1.0 - self.opacity(&surface);
+            if through == Vec3::ZERO {
+                return through;
+            }
+            interiors = self.beyond(interiors, &surface, rest.d);
+            rest.o = offset_origin(surface.p, surface.error, surface.ng, rest.d);
+            if ray.t_max.is_finite() {
+                rest.d = end - rest.o;
+            }
+        }
+        tally.lost += 1;
+        Vec3::ZERO
+    }
 
     /// Share of light that gets through what is there in part within the ray, 0..1.
     pub fn transmittance(&self, ray: &Ray, tally: &mut Tally) -> f32 {

@@ -8,6 +8,7 @@ mod compiled;
 mod document;
 mod material;
 mod materials;
+mod media;
 mod object;
 mod tally;
 mod tape;
@@ -22,5 +23,6 @@ pub use document::{
     NumberTexture, Overrides, Problem, Problems, Relief, Sampling, Scale, SdfNode, SdfObject, SdfSettings,
     Shade, Sphere, Texture, json_schema, reference_page,
 };
+pub use media::{Interiors, Stretch};
 pub use object::{Hit, PreparedMesh, Surface};
 pub use tally::Tally;

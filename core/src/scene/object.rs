@@ -1,5 +1,6 @@
 //! Owns the objects of a compiled scene: what a ray meets, and the surface at a hit.
 
+use super::media::Interior;
 use super::tally::Tally;
 use crate::bvh::triangle::TriangleBvh;
 use crate::math::{Aabb, Ray, Transform, acos, atan2, even_error, gamma};
@@ -54,6 +55,8 @@ pub(super) struct Object {
     pub(super) needs: Needs,
     /// Whether it may be there in part only, so that rays may cross it.
     pub(super) holes: bool,
+    /// What fills it, if something does.
+    pub(super) interior: Option<Interior>,
 }
 
 /// What materials need to know of a hit besides the place.
