@@ -25,6 +25,14 @@ pub enum Decision {
     Roulette(u32),
     /// Whether the path is stopped by a surface that is there in part: of a bounce, the crossing of that number.
     Opacity(u32, u32),
+    /// Whether and where a medium scatters the path: of a bounce, the medium of that number on its way.
+    Distance(u32, u32),
+    /// Which light is gathered in a medium, and where: as above.
+    GatherPlace(u32, u32),
+    /// The place from which many lights are seen for that.
+    GatherView(u32, u32),
+    /// Point on that light.
+    GatherPoint(u32, u32),
 }
 
 impl Decision {
@@ -42,6 +50,10 @@ impl Decision {
             Self::Roulette(b) => of(5, b),
             // Bounces stay below 2¹² and crossings below 2¹⁵, so that no two decisions share a number.
             Self::Opacity(b, crossing) => of(6, b) + (crossing << 17),
+            Self::Distance(b, piece) => of(7, b) + (piece << 17),
+            Self::GatherPlace(b, piece) => of(8, b) + (piece << 17),
+            Self::GatherView(b, piece) => of(9, b) + (piece << 17),
+            Self::GatherPoint(b, piece) => of(10, b) + (piece << 17),
         }
     }
 }

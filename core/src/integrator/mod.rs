@@ -4,6 +4,7 @@
 //! then for every surface intersect, emit, shade, shadow rays. A path's value depends on its own numbers only, never
 //! on its neighbours in the wave, so that any grouping gives the same bits.
 
+mod media;
 mod paths;
 mod stages;
 mod vertex;
@@ -36,6 +37,10 @@ pub struct Wave<'a> {
 pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut Counters) {
     stages::camera(scene, wave, paths);
     counters.samples += paths.len() as u64;
+    if scene.has_media() {
+        trace_through(scene, paths, counters);
+        return;
+    }
     for bounce in 0..scene.max_depth() {
         stages::intersect(scene, bounce, paths, counters);
         stages::emit(scene, bounce, paths);
@@ -48,5 +53,24 @@ pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut C
         }
         stages::shade(scene, bounce, paths);
         stages::shadow(scene, paths, counters);
+    }
+}
+
+/// The rest of [`trace`] in a scene with media.
+fn trace_through(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
+    paths.enter(scene.camera_interiors());
+    for bounce in 0..scene.max_depth() {
+        stages::nearest(scene, bounce, paths, counters);
+        media::advance(scene, bounce, paths);
+        if bounce + 1 == scene.max_depth() || (paths.active.is_empty() && paths.places.is_empty()) {
+            media::shadow(scene, paths, counters);
+            break;
+        }
+        stages::scatter_all(scene, bounce, paths);
+        media::scatter(scene, bounce, paths);
+        media::shadow(scene, paths, counters);
+        if paths.active.is_empty() {
+            break;
+        }
     }
 }

@@ -1,9 +1,10 @@
 //! Owns the state of the paths of a wave, as arrays that are kept from wave to wave.
 
+use super::media::{Piece, Place};
 use crate::light::Receiver;
 use crate::math::Ray;
 use crate::sampler::{Replicate, Sampler, Stream};
-use crate::scene::{Hit, Marching, Surface, Tally};
+use crate::scene::{Hit, Interiors, Marching, Surface, Tally};
 use glam::Vec3;
 
 /// The auxiliary layers of one sample.
@@ -27,6 +28,8 @@ pub(super) struct ShadowRay {
     pub(super) path: u32,
     pub(super) ray: Ray,
     pub(super) contribution: Vec3,
+    /// Inside of what it begins, in scenes with media.
+    pub(super) interiors: Interiors,
 }
 
 /// The paths of a wave; every array has one entry for each.
@@ -61,6 +64,14 @@ pub struct Paths {
     pub(super) shadows: Vec<ShadowRay>,
     /// Whether something is in the way of each shadow ray.
     pub(super) blocked: Vec<bool>,
+    /// Inside of what each path is; empty in scenes without media, as are the following.
+    pub(super) interiors: Vec<Interiors>,
+    /// Whether a path was scattered by a medium last.
+    pub(super) scattered: Vec<bool>,
+    /// Places in media where paths are scattered.
+    pub(super) places: Vec<Place>,
+    /// The media on the way of one path.
+    pub(super) pieces: Vec<Piece>,
     pub(super) marching: Marching,
 }
 
@@ -115,5 +126,14 @@ impl Paths {
         self.samplers.resize(n, Sampler::new(Stream::new(0, 0), [0, 0], Replicate::A, 0));
         self.active.clear();
         self.active.extend(0..n as u32);
+    }
+
+    /// Starts over inside of what the camera is.
+    pub(super) fn enter(&mut self, interiors: Interiors) {
+        let n = self.len();
+        self.interiors.clear();
+        self.interiors.resize(n, interiors);
+        self.scattered.clear();
+        self.scattered.resize(n, false);
     }
 }

@@ -7,7 +7,7 @@ use crate::film::Counters;
 use crate::light::{LightSample, Target};
 use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
-use crate::scene::{Hit, Scene, Strategy};
+use crate::scene::{Hit, Interiors, Scene, Strategy};
 use glam::{Vec2, Vec3};
 
 /// Sends a ray through every sample of every pixel.
@@ -27,8 +27,22 @@ pub(super) fn camera(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths) {
     }
 }
 
-/// Finds the nearest hit of every path.
+/// Finds the nearest hit of every path that stops it.
 pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters: &mut Counters) {
+    nearest(scene, bounce, paths, counters);
+    if scene.has_holes() {
+        let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
+        for at in 0..paths.active.len() {
+            let path = paths.active[at] as usize;
+            let before = paths.marching.tally.evaluations();
+            paths.hits[path] = cross(scene, bounce, paths, path, paths.hits[path], spread);
+            paths.count_evaluations(path, before);
+        }
+    }
+}
+
+/// Finds the nearest hit of every path, there in whole or in part.
+pub(super) fn nearest(scene: &Scene, bounce: u32, paths: &mut Paths, counters: &mut Counters) {
     counters.rays += paths.active.len() as u64;
     // Only camera rays have a footprint; scattered rays take the marcher's own resolution.
     let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
@@ -37,14 +51,6 @@ pub(super) fn intersect(scene: &Scene, bounce: u32, paths: &mut Paths, counters:
     if scene.function_count() > 0 {
         for &path in active.iter() {
             evaluations[path as usize] += marching.spent[path as usize];
-        }
-    }
-    if scene.has_holes() {
-        for at in 0..paths.active.len() {
-            let path = paths.active[at] as usize;
-            let before = paths.marching.tally.evaluations();
-            paths.hits[path] = cross(scene, bounce, paths, path, paths.hits[path], spread);
-            paths.count_evaluations(path, before);
         }
     }
 }
@@ -124,7 +130,7 @@ pub(super) fn observe(scene: &Scene, paths: &mut Paths) {
 }
 
 /// Notes albedo and normal of the first surface of a path that is no mirror and no pane.
-fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize) {
+pub(super) fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize) {
     if !paths.unseen[path] || vertex.bsdf.is_delta() {
         return;
     }
@@ -136,7 +142,13 @@ fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize) {
 }
 
 /// Weight of having found a light by scattering; 1 for camera rays, which no light sampling competes with.
-fn scattered_weight(scene: &Scene, paths: &Paths, path: usize, light: usize, light_pdf: f32) -> f32 {
+pub(super) fn scattered_weight(
+    scene: &Scene,
+    paths: &Paths,
+    path: usize,
+    light: usize,
+    light_pdf: f32,
+) -> f32 {
     let pdf = paths.pdf[path];
     if pdf.is_infinite() {
         return 1.0;
@@ -150,7 +162,7 @@ fn scattered_weight(scene: &Scene, paths: &Paths, path: usize, light: usize, lig
 }
 
 /// The power heuristic with exponent 2, written so that large densities give 0 or 1 and never NaN.
-fn power_heuristic(this: f32, other: f32) -> f32 {
+pub(super) fn power_heuristic(this: f32, other: f32) -> f32 {
     let ratio = other / this;
     1.0 / (1.0 + ratio * ratio)
 }
@@ -158,6 +170,11 @@ fn power_heuristic(this: f32, other: f32) -> f32 {
 /// Samples a light and a direction at every surface: queues shadow rays, sends paths on or ends them.
 pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.shadows.clear();
+    scatter_all(scene, bounce, paths);
+}
+
+/// The same, after the shadow rays that are queued already.
+pub(super) fn scatter_all(scene: &Scene, bounce: u32, paths: &mut Paths) {
     let surfaces = std::mem::take(&mut paths.surfaces);
     let mut alive = 0;
     for (at, surface) in surfaces.iter().enumerate() {
@@ -170,7 +187,8 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
         let sampler = paths.samplers[path];
         if let Some((ray, light)) = sample_light(scene, &vertex, &sampler, bounce) {
             let contribution = paths.beta[path] * light;
-            paths.shadows.push(ShadowRay { path: path as u32, ray, contribution });
+            let interiors = behind(scene, &vertex, paths, path, ray.d);
+            paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
         }
         if scatter(scene, &vertex, paths, path, bounce) {
             paths.active[alive] = path as u32;
@@ -179,6 +197,15 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
     }
     paths.active.truncate(alive);
     paths.surfaces = surfaces;
+}
+
+/// Inside of what a ray is that leaves a surface along `wi`.
+fn behind(scene: &Scene, vertex: &Vertex<'_>, paths: &Paths, path: usize, wi: Vec3) -> Interiors {
+    match paths.interiors.get(path) {
+        Some(&interiors) if vertex.passes(wi) => scene.beyond(interiors, vertex.surface, wi),
+        Some(&interiors) => interiors,
+        None => Interiors::OUTSIDE,
+    }
 }
 
 /// Chooses a light and a point of it: the shadow ray and what it brings, weighed against finding it by scattering.
@@ -207,7 +234,11 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
 
 /// The ray between two offset ends, so that neither surface shadows itself.
 fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
-    let origin = vertex.origin_towards(sample.wi);
+    shadow_ray_from(vertex.origin_towards(sample.wi), sample)
+}
+
+/// The same from a point that needs no offset.
+pub(super) fn shadow_ray_from(origin: Vec3, sample: &LightSample) -> Ray {
     match sample.target {
         Target::Infinity => Ray::new(origin, sample.wi),
         Target::Point(p, error, n) => {
@@ -246,6 +277,9 @@ fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, b
     paths.pdf[path] = sample.pdf;
     paths.receivers[path] = vertex.receiver();
     paths.rays[path] = Ray::new(vertex.origin_towards(wi), wi);
+    if !paths.interiors.is_empty() {
+        paths.interiors[path] = behind(scene, vertex, paths, path, wi);
+    }
     true
 }
 
@@ -261,7 +295,7 @@ pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) 
         if paths.blocked[at] {
             continue;
         }
-        let ShadowRay { path, ray, contribution } = paths.shadows[at];
+        let ShadowRay { path, ray, contribution, .. } = paths.shadows[at];
         let before = paths.marching.tally.evaluations();
         let through = scene.transmittance(&ray, &mut paths.marching.tally);
         paths.count_evaluations(path as usize, before);

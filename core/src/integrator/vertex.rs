@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 /// A surface seen from where a path came.
 pub(super) struct Vertex<'a> {
-    surface: &'a Surface,
+    pub(super) surface: &'a Surface,
     pub(super) frame: Frame,
     /// Geometric normal on the side that the frame calls the outside.
     ng: Vec3,
@@ -63,6 +63,11 @@ impl<'a> Vertex<'a> {
     /// a quarter of a per cent on a ball of 24 by 12 faces.
     fn is_consistent(&self, w: Vec3, local: Vec3) -> bool {
         w.dot(self.ng) * local.z > 0.0 || self.bsdf.transmits()
+    }
+
+    /// Whether a path that goes on towards `w` passes the surface.
+    pub(super) fn passes(&self, w: Vec3) -> bool {
+        w.dot(self.ng) * self.frame.to_world(self.wo).dot(self.ng) < 0.0
     }
 
     /// Where a ray that leaves towards `w` starts.

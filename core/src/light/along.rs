@@ -72,7 +72,9 @@ impl Table {
         let nearest = to_light.dot(span.d);
         let apart = (to_light - span.d * nearest).length_squared() + beacon.radius * beacon.radius;
         // A ray through the light itself: the density is defensive there, and right all the same.
-        let distance = apart.sqrt().max(1e-4 * (clipped.far - clipped.near)).max(f32::MIN_POSITIVE);
+        let length = clipped.far - clipped.near;
+        let defence = if length.is_finite() { 1e-4 * length } else { 1e-4 * to_light.length() };
+        let distance = apart.sqrt().max(defence).max(f32::MIN_POSITIVE);
         let angle = |t: f32| atan2(t - nearest, distance);
         let (first, last) = (angle(clipped.near), angle(clipped.far));
         let step = (last - first) / (NODES - 1) as f32;
@@ -182,6 +184,16 @@ impl Beacons {
     }
 }
 
+/// The place on a segment from which many lights are seen: one that light gets to.
+fn view_of(span: Span, medium: &Medium, beta: Vec3, u: f32) -> Receiver {
+    let length = span.far - span.near;
+    let deep = -libm::log1pf(-u) / medium.mean(beta).0;
+    // Where that is too far, as likely anywhere.
+    let at = if deep < length { deep } else { u * length };
+    let at = if at.is_finite() { at } else { 0.0 };
+    Receiver { p: span.o + span.d * (span.near + at), n: Vec3::ZERO }
+}
+
 impl Lights {
     /// Chooses a light at a finite distance and a place on a segment that it shines on, for a path with this throughput
     /// in a medium; `None` where no such light brings anything.
@@ -192,7 +204,7 @@ impl Lights {
             return None;
         }
         if self.all.len() > Self::WEIGH_ALL {
-            let (light, chosen) = self.one_of_many(span, numbers)?;
+            let (light, chosen) = self.one_of_many(view_of(span, medium, beta, numbers.view), numbers)?;
             let table = Table::new(self.beacons.all[light].as_ref()?, span, medium, beta)?;
             let (t, pdf) = table.sample(numbers.place);
             return Some(Along { light, t, pdf: pdf * chosen });
@@ -219,9 +231,7 @@ impl Lights {
     }
 
     /// Chooses one of many lights for a segment: by the tree as a place on it sees them, or blindly.
-    fn one_of_many(&self, span: Span, numbers: Numbers) -> Option<(usize, f32)> {
-        let place = span.o + span.d * (span.near + (span.far - span.near) * numbers.view);
-        let from = Receiver { p: place, n: Vec3::ZERO };
+    fn one_of_many(&self, from: Receiver, numbers: Numbers) -> Option<(usize, f32)> {
         let by_brightness = |light: usize| {
             self.beacons.all[light].as_ref().map_or(0.0, |beacon| beacon.brightness(Vec3::ONE))
         };
@@ -249,8 +259,7 @@ impl Lights {
         };
         let Some(table) = table_of(light) else { return 0.0 };
         let chosen = if self.all.len() > Self::WEIGH_ALL {
-            let place = span.o + span.d * (span.near + (span.far - span.near) * view);
-            let from = Receiver { p: place, n: Vec3::ZERO };
+            let from = view_of(span, medium, beta, view);
             let bright = self.beacons.all[light].as_ref().map_or(0.0, |beacon| beacon.brightness(Vec3::ONE));
             BLIND * bright / self.beacons.brightness + (1.0 - BLIND) * self.choice_pdf(&from, light)
         } else {

@@ -16,7 +16,7 @@ pub struct Span {
     pub d: Vec3,
     /// Where it begins.
     pub near: f32,
-    /// Where it ends, finite.
+    /// Where it ends; may be infinite.
     pub far: f32,
 }
 

@@ -109,6 +109,11 @@ impl Light {
         }
     }
 
+    /// Whether it is infinitely far away.
+    pub(crate) fn is_infinite(&self) -> bool {
+        matches!(self, Self::Sun(_) | Self::Environment(_))
+    }
+
     /// A box around it; `None` at infinity.
     pub(crate) fn bounds(&self) -> Option<Aabb> {
         self.emitter().filter(|_| !matches!(self, Self::Unsampled(_))).map(|emitter| emitter.bounds)

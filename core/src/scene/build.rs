@@ -48,7 +48,10 @@ impl Scene {
         let (Some(camera), Ok(tree), true) = (camera, tree, problems.is_empty()) else {
             return Err(problems);
         };
+        // Through fog without end no light would come from infinity.
+        let endless = lights.iter().all(|light| !light.is_infinite());
         let everything = lights.iter().filter_map(Light::bounds).fold(tree.bounds(), Aabb::union);
+        let everything = (!endless).then_some(everything);
         let media = Media::new(&mut objects, &fillings, around, (everything, camera.position()));
         let has_holes = objects.iter().any(|object| object.holes);
         let function_names = description.sdf_objects.iter().map(|(name, _)| name.to_owned()).collect();

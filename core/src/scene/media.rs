@@ -13,8 +13,9 @@ pub(super) struct Media {
     inside: Vec<Medium>,
     /// What is wherever no object's interior is.
     around: Option<Medium>,
-    /// Where that ends: centre and radius of a ball around everything.
-    ball: (DVec3, f64),
+    /// Where that ends: centre and radius of a ball around everything. `None` where it does not, because no light comes
+    /// from infinity.
+    ball: Option<(DVec3, f64)>,
     /// Where the camera is.
     camera: Interiors,
 }
@@ -78,12 +79,13 @@ pub struct Stretch<'a> {
 }
 
 impl Media {
-    /// The media of objects, of which `fillings` has one by object: ranks are given to the objects here.
+    /// The media of objects, of which `fillings` has one by object: ranks are given to the objects here. What is around them
+    /// ends where the ball around `bounds` and camera does, or nowhere.
     pub(super) fn new(
         objects: &mut [Object],
         fillings: &[Option<Medium>],
         around: Option<Medium>,
-        (bounds, camera): (Aabb, Vec3),
+        (bounds, camera): (Option<Aabb>, Vec3),
     ) -> Option<Self> {
         let mut filled: Vec<usize> = (0..objects.len()).filter(|&i| fillings[i].is_some()).collect();
         if filled.is_empty() && around.is_none() {
@@ -102,10 +104,12 @@ impl Media {
                 at = at.with(rank);
             }
         }
-        let all = bounds.with_point(camera);
-        let (center, size) = (all.center().as_dvec3(), all.size().as_dvec3().length());
-        let radius = (0.5 * size * (1.0 + 1e-5)).max(1e-6);
-        Some(Self { inside, around, ball: (center, radius), camera: at })
+        let ball = bounds.map(|bounds| {
+            let all = bounds.with_point(camera);
+            let (center, size) = (all.center().as_dvec3(), all.size().as_dvec3().length());
+            (center, (0.5 * size * (1.0 + 1e-5)).max(1e-6))
+        });
+        Some(Self { inside, around, ball, camera: at })
     }
 
     /// Where the camera is.
@@ -120,10 +124,11 @@ impl Media {
             return Some(Stretch { medium, end: f32::INFINITY });
         }
         let medium = self.around.as_ref()?;
+        let Some((center, radius)) = self.ball else { return Some(Stretch { medium, end: f32::INFINITY }) };
         // From inside of the ball a line leaves it once.
-        let (o, d) = (ray.o.as_dvec3() - self.ball.0, ray.d.as_dvec3());
+        let (o, d) = (ray.o.as_dvec3() - center, ray.d.as_dvec3());
         let (a, b) = (d.length_squared(), o.dot(d));
-        let c = o.length_squared() - self.ball.1 * self.ball.1;
+        let c = o.length_squared() - radius * radius;
         let root = (b * b - a * c).max(0.0).sqrt();
         let end = if b > 0.0 { -c / (b + root) } else { (root - b) / a };
         Some(Stretch { medium, end: end.max(0.0) as f32 })

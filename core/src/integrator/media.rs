@@ -1,0 +1,314 @@
+//! Owns the stages of scenes with media, beside those of all scenes.
+//!
+//! Every contribution has one owner:
+//!
+//! - light that a medium scatters once more, directly from a light at a finite distance, belongs to the place chosen
+//!   along the whole stretch ([`gather`]), wherever the path itself is scattered;
+//! - the same from lights at infinity belongs to the place where the path is scattered, by light sampling and by
+//!   scattering, weighed against each other (MIS);
+//! - light that a path runs into belongs to the stretch before it, with the transmittance of all of it, whether the path
+//!   is scattered there or not; but for lights at a finite distance after a place in a medium, which are gathered.
+//!
+//! Strategies other than [`Strategy::Both`] sample lights where paths are scattered instead, as surfaces do, and must give
+//! the same pictures.
+
+use super::paths::{Paths, ShadowRay};
+use super::stages::{note_features, power_heuristic, scattered_weight, shadow_ray_from};
+use super::vertex::Vertex;
+use crate::film::Counters;
+use crate::light::{Numbers, Receiver, Span};
+use crate::math::{Ray, offset_origin};
+use crate::medium::{Event, Medium};
+use crate::sampler::Decision;
+use crate::scene::{Hit, Interiors, Scene, Strategy, Surface};
+use glam::Vec3;
+
+/// A part of a path's way to its next surface in one medium.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Piece {
+    /// From where to where, by the ray that the path came with.
+    span: Span,
+    medium: Medium,
+    interiors: Interiors,
+    /// Transmittance of all pieces before.
+    before: Vec3,
+}
+
+/// A place in a medium where a path is scattered.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    path: u32,
+    p: Vec3,
+    /// Direction of the path that comes from the camera.
+    along: Vec3,
+    medium: Medium,
+    interiors: Interiors,
+}
+
+/// Takes every path from its last place to the next: into a medium or to a surface, or out of the scene, and adds the
+/// light on the way.
+pub(super) fn advance(scene: &Scene, bounce: u32, paths: &mut Paths) {
+    let last = bounce + 1 == scene.max_depth();
+    paths.surfaces.clear();
+    paths.shadows.clear();
+    paths.places.clear();
+    let mut alive = 0;
+    for at in 0..paths.active.len() {
+        let path = paths.active[at] as usize;
+        let Some(arrival) = walk(scene, bounce, paths, path) else { continue };
+        if last {
+            continue;
+        }
+        gather(scene, bounce, paths, path);
+        if is_scattered(bounce, paths, path) {
+            continue;
+        }
+        let Some(surface) = arrival.surface else { continue };
+        paths.interiors[path] = arrival.interiors;
+        paths.scattered[path] = false;
+        paths.surfaces.push(surface);
+        paths.active[alive] = path as u32;
+        alive += 1;
+    }
+    paths.active.truncate(alive);
+}
+
+/// Where a path gets to if no medium scatters it.
+struct Arrival {
+    surface: Option<Surface>,
+    interiors: Interiors,
+}
+
+/// Follows a path to the surface that stops it, noting the media on its way, and adds the light there. `None` where it is
+/// lost.
+fn walk(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) -> Option<Arrival> {
+    let first = paths.rays[path];
+    let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
+    let (mut ray, mut interiors, mut found) = (first, paths.interiors[path], paths.hits[path]);
+    let (mut travelled, mut through) = (0.0, Vec3::ONE);
+    paths.pieces.clear();
+    for crossing in 0..Scene::MAX_CROSSINGS {
+        if let Some(stretch) = scene.medium(&ray, interiors) {
+            let length = found.map_or(f32::INFINITY, |hit| hit.t).min(stretch.end);
+            let span = Span { o: first.o, d: first.d, near: travelled, far: travelled + length };
+            paths.pieces.push(Piece { span, medium: *stretch.medium, interiors, before: through });
+            through *= stretch.medium.transmittance(length);
+        }
+        let Some(hit) = found else {
+            leave(scene, paths, path, through);
+            return Some(Arrival { surface: None, interiors });
+        };
+        let surface = scene.surface(&ray, &hit);
+        if stops(scene, bounce, crossing, paths, (path, &hit, &surface)) {
+            arrive(scene, bounce, paths, (path, &surface), (travelled + hit.t, through));
+            return Some(Arrival { surface: Some(surface), interiors });
+        }
+        travelled += hit.t;
+        interiors = scene.beyond(interiors, &surface, ray.d);
+        ray = Ray::new(offset_origin(surface.p, surface.error, surface.ng, ray.d), ray.d);
+        let before = paths.marching.tally.evaluations();
+        found = scene.intersect(&ray, spread, &mut paths.marching.tally);
+        paths.count_evaluations(path, before);
+    }
+    // Dark, as for shadow rays: what is behind so many surfaces is not the sky.
+    paths.marching.tally.lost += 1;
+    None
+}
+
+/// Whether a surface stops a path that meets it.
+fn stops(
+    scene: &Scene,
+    bounce: u32,
+    crossing: u32,
+    paths: &Paths,
+    (path, hit, surface): (usize, &Hit, &Surface),
+) -> bool {
+    if !scene.may_be_crossed(hit) {
+        return true;
+    }
+    let opacity = scene.opacity(surface);
+    opacity > 0.0
+        && (opacity >= 1.0 || paths.samplers[path].get_1d(Decision::Opacity(bounce, crossing)) < opacity)
+}
+
+/// Adds the light of a surface that a path has come to, dimmed by the media before it, and notes its features.
+fn arrive(
+    scene: &Scene,
+    bounce: u32,
+    paths: &mut Paths,
+    (path, surface): (usize, &Surface),
+    (distance, through): (f32, Vec3),
+) {
+    let d = paths.rays[path].d;
+    if let Some((light, radiance, pdf)) = scene.emission(surface, paths.receivers[path].p, d) {
+        let weight = weight_of_finite(scene, paths, path, light, pdf);
+        paths.radiance[path] += paths.beta[path] * through * radiance * weight;
+    }
+    if bounce == 0 {
+        paths.features[path].depth = distance;
+    }
+    if paths.unseen[path] {
+        note_features(&Vertex::new(scene, surface, -d), paths, path);
+    }
+}
+
+/// Adds the light of what is behind the scene.
+fn leave(scene: &Scene, paths: &mut Paths, path: usize, through: Vec3) {
+    let d = paths.rays[path].d;
+    for (light, radiance, pdf) in scene.lights().infinite(d) {
+        let weight = weight_of_infinite(scene, paths, path, light, pdf);
+        paths.radiance[path] += paths.beta[path] * through * radiance * weight;
+    }
+}
+
+/// Weight of having run into a light at a finite distance.
+fn weight_of_finite(scene: &Scene, paths: &Paths, path: usize, light: usize, pdf: f32) -> f32 {
+    if paths.scattered[path] && scene.strategy() == Strategy::Both {
+        // Gathered, unless it is a light that is never sampled.
+        return if pdf > 0.0 { 0.0 } else { 1.0 };
+    }
+    scattered_weight(scene, paths, path, light, pdf)
+}
+
+/// Weight of having left towards a light at infinity.
+fn weight_of_infinite(scene: &Scene, paths: &Paths, path: usize, light: usize, pdf: f32) -> f32 {
+    if paths.scattered[path] && scene.strategy() == Strategy::Both {
+        let chosen = scene.lights().infinite_pdf(&paths.receivers[path], light);
+        return power_heuristic(paths.pdf[path], pdf * chosen);
+    }
+    scattered_weight(scene, paths, path, light, pdf)
+}
+
+/// Sends a shadow ray from a place on every piece of a path's way to a light at a finite distance.
+fn gather(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
+    if scene.strategy() != Strategy::Both || !scene.lights().has_beacons() {
+        return;
+    }
+    for number in 0..paths.pieces.len() {
+        let Piece { span, medium, interiors, before } = paths.pieces[number];
+        if !medium.scatters() {
+            continue;
+        }
+        let (sampler, piece) = (paths.samplers[path], number as u32);
+        let beta = paths.beta[path] * before;
+        let choice = sampler.get_2d(Decision::GatherPlace(bounce, piece));
+        let view = sampler.get_1d(Decision::GatherView(bounce, piece));
+        let numbers = Numbers { light: choice.x, place: choice.y, view };
+        let Some(along) = scene.lights().along(span, &medium, beta, numbers) else { continue };
+        let p = span.o + span.d * along.t;
+        let u = sampler.get_2d(Decision::GatherPoint(bounce, piece));
+        let from = Receiver { p, n: Vec3::ZERO };
+        let Some(sample) = scene.lights().all()[along.light].sample(&from, u) else { continue };
+        let here = medium.transmittance((along.t - span.near).max(0.0));
+        let phase = medium.phase().value(span.d, sample.wi);
+        let weight = phase / (sample.pdf * along.pdf);
+        let contribution = beta * here * medium.sigma_s() * sample.radiance * weight;
+        let ray = shadow_ray_from(p, &sample);
+        paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+    }
+}
+
+/// Decides whether a path is scattered on its way, and notes where.
+fn is_scattered(bounce: u32, paths: &mut Paths, path: usize) -> bool {
+    for number in 0..paths.pieces.len() {
+        let Piece { span, medium, interiors, .. } = paths.pieces[number];
+        let u = paths.samplers[path].get_2d(Decision::Distance(bounce, number as u32));
+        match medium.sample(paths.beta[path], span.far - span.near, u.to_array()) {
+            Event::Pass(weight) => paths.beta[path] *= weight,
+            Event::Scatter(distance, weight) => {
+                paths.beta[path] *= weight;
+                let p = span.o + span.d * (span.near + distance);
+                paths.places.push(Place { path: path as u32, p, along: span.d, medium, interiors });
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Samples lights and a direction at every place in a medium where a path is scattered: queues shadow rays, sends paths on
+/// or ends them.
+pub(super) fn scatter(scene: &Scene, bounce: u32, paths: &mut Paths) {
+    let places = std::mem::take(&mut paths.places);
+    for place in &places {
+        let path = place.path as usize;
+        if paths.beta[path] == Vec3::ZERO {
+            continue;
+        }
+        sample_light(scene, bounce, paths, place);
+        if go_on(scene, bounce, paths, place) {
+            paths.active.push(place.path);
+        }
+    }
+    // Paths that meet surfaces, and those that do not, in their own order again.
+    paths.active.sort_unstable();
+    paths.places = places;
+}
+
+/// Sends a shadow ray to a light at infinity, or by other strategies to any.
+fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) {
+    let path = place.path as usize;
+    let from = Receiver { p: place.p, n: Vec3::ZERO };
+    let sampler = paths.samplers[path];
+    let u = sampler.get_1d(Decision::LightChoice(bounce));
+    let strategy = scene.strategy();
+    let chosen = match strategy {
+        Strategy::Both => scene.lights().choose_infinite(&from, u),
+        Strategy::Scattering | Strategy::Lights | Strategy::BlindChoice => scene.choose_light(&from, u),
+    };
+    let Some((light, choice)) = chosen else { return };
+    let u = sampler.get_2d(Decision::LightPoint(bounce));
+    let Some(sample) = scene.lights().all()[light].sample(&from, u) else { return };
+    let scattered = place.medium.phase().value(place.along, sample.wi);
+    let pdf = sample.pdf * choice;
+    let weight = match strategy {
+        _ if sample.delta => 1.0,
+        Strategy::Both | Strategy::BlindChoice => power_heuristic(pdf, scattered),
+        Strategy::Scattering => return,
+        Strategy::Lights => 1.0,
+    };
+    let contribution = paths.beta[path] * sample.radiance * (scattered * weight / pdf);
+    let ray = shadow_ray_from(place.p, &sample);
+    paths.shadows.push(ShadowRay { path: place.path, ray, contribution, interiors: place.interiors });
+}
+
+/// Chooses the next direction; false when the path ends.
+fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) -> bool {
+    let path = place.path as usize;
+    let sampler = paths.samplers[path];
+    if bounce + 1 >= scene.roulette_depth() {
+        let survive = (paths.beta[path].max_element() * paths.eta2[path]).min(0.95);
+        if sampler.get_1d(Decision::Roulette(bounce)) >= survive {
+            return false;
+        }
+        paths.beta[path] /= survive;
+    }
+    let u = sampler.get_2d(Decision::Direction(bounce));
+    let (wi, pdf) = place.medium.phase().sample(place.along, u);
+    paths.pdf[path] = pdf;
+    paths.receivers[path] = Receiver { p: place.p, n: Vec3::ZERO };
+    paths.rays[path] = Ray::new(place.p, wi);
+    paths.interiors[path] = place.interiors;
+    paths.scattered[path] = true;
+    true
+}
+
+/// Traces the queued shadow rays and adds what arrives through media.
+pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
+    counters.shadow_rays += paths.shadows.len() as u64;
+    let Paths { shadows, blocked, marching, .. } = paths;
+    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, marching);
+    for (shadow, &spent) in shadows.iter().zip(&marching.spent) {
+        paths.evaluations[shadow.path as usize] += spent;
+    }
+    for at in 0..paths.shadows.len() {
+        if paths.blocked[at] {
+            continue;
+        }
+        let ShadowRay { path, ray, contribution, interiors } = paths.shadows[at];
+        let before = paths.marching.tally.evaluations();
+        let through = scene.transmittance_through(&ray, interiors, &mut paths.marching.tally);
+        paths.count_evaluations(path as usize, before);
+        paths.radiance[path as usize] += contribution * through;
+    }
+}
