@@ -94,7 +94,7 @@ fn grid(folder: &Path, share: u32, wanted: &[Kind]) -> Scene {
             format!(r#""transform": {{"translate": [{x}, {y}, {z}], "rotate": [{turn}, 0, {}]}}"#, turn * PI);
         match kind {
             Kind::Mesh => {
-                instances.push(format!(r#""m{number}": {{"mesh": "torus", "material": "grey", {place}}}"#))
+                instances.push(format!(r#""m{number}": {{"mesh": "torus", "material": "grey", {place}}}"#));
             }
             Kind::Function => functions.push(format!(
                 r#""f{number}": {{"material": "grey", {place},
