@@ -67,7 +67,7 @@ fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
         }
     }
     if !description.media.is_empty() {
-        text += "\nmedia: kept in the document, pictures are made as if space were empty";
+        text += &media(&description);
     }
     let mut marches = serde_json::Map::new();
     for ((name, _), sdf) in description.sdf_objects.iter().zip(scene.distance_functions()) {
@@ -96,6 +96,15 @@ fn check(args: &CheckArgs, source: &OpenScene) -> Result<Found, Problems> {
         "albedo_peaks": peaks.iter().map(albedo).collect::<Vec<_>>(),
     });
     Ok(Found { text, json })
+}
+
+/// What fills space, in a line.
+fn media(description: &Description) -> String {
+    let around = match &description.medium {
+        Some(name) => format!("{name:?} fills what is around all objects"),
+        None => "nothing is around the objects".to_owned(),
+    };
+    format!("\nmedia: {}; {around}", description.media.iter().count())
 }
 
 fn problems_json(problems: &Problems) -> Value {

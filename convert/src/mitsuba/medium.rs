@@ -20,10 +20,6 @@ pub(super) fn medium(out: &mut Output<'_>, index: usize) -> Result<Option<String
     let fields = if object.plugin == "homogeneous" { homogeneous(out, object)? } else { None };
     let name = if let Some(fields) = fields {
         let name = out.name(Table::Media, object.id.as_deref().unwrap_or("medium"));
-        out.differs(
-            &object.place,
-            format!("the medium {name:?} is kept, but rendered as if it were not there"),
-        );
         out.add(Table::Media, name.clone(), fields);
         Some(name)
     } else {

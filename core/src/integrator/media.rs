@@ -12,11 +12,12 @@
 //! Strategies other than [`Strategy::Both`] sample lights where paths are scattered instead, as surfaces do, and must give
 //! the same pictures.
 
+use super::common::{note_features, power_heuristic, scattered_weight, shadow_ray_from};
 use super::paths::{Paths, ShadowRay};
-use super::stages::{note_features, power_heuristic, scattered_weight, shadow_ray_from};
 use super::vertex::Vertex;
+use crate::bsdf::BsdfSample;
 use crate::film::Counters;
-use crate::light::{Numbers, Receiver, Span};
+use crate::light::{Glow, Numbers, Receiver, Span};
 use crate::math::{Ray, offset_origin};
 use crate::medium::{Event, Medium};
 use crate::sampler::Decision;
@@ -284,7 +285,25 @@ fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) -> bool {
         paths.beta[path] /= survive;
     }
     let u = sampler.get_2d(Decision::Direction(bounce));
-    let (wi, pdf) = place.medium.phase().sample(place.along, u);
+    let phase = place.medium.phase();
+    let ray = Ray::new(place.p, place.along);
+    let (wi, pdf) = match scene.glow(&ray, place.interiors, paths.beta[path]) {
+        None => phase.sample(place.along, u),
+        Some(glow) => {
+            let lobe = sampler.get_1d(Decision::Lobe(bounce));
+            let towards = lobe < Glow::SHARE;
+            let chosen = if towards {
+                glow.sample(lobe / Glow::SHARE, u)
+            } else {
+                Some(phase.sample(place.along, u).0)
+            };
+            let Some(wi) = chosen else { return false };
+            let value = phase.value(place.along, wi);
+            let pdf = Glow::SHARE * glow.pdf(wi) + (1.0 - Glow::SHARE) * value;
+            paths.beta[path] *= value / pdf;
+            (wi, pdf)
+        }
+    };
     paths.pdf[path] = pdf;
     paths.receivers[path] = Receiver { p: place.p, n: Vec3::ZERO };
     paths.rays[path] = Ray::new(place.p, wi);
@@ -311,4 +330,36 @@ pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) 
         paths.count_evaluations(path as usize, before);
         paths.radiance[path as usize] += contribution * through;
     }
+}
+
+/// Chooses the direction in which a surface scatters, sometimes towards the glow of lights in the medium before it.
+pub(super) fn surface_direction(
+    scene: &Scene,
+    vertex: &Vertex<'_>,
+    paths: &Paths,
+    path: usize,
+    bounce: u32,
+) -> Option<BsdfSample> {
+    let sampler = paths.samplers[path];
+    let (lobe, u) = (sampler.get_1d(Decision::Lobe(bounce)), sampler.get_2d(Decision::Direction(bounce)));
+    let glow = if vertex.bsdf.is_delta() || vertex.bsdf.transmits() {
+        None
+    } else {
+        let ray = Ray::new(vertex.receiver().p, paths.rays[path].d);
+        scene.glow(&ray, paths.interiors[path], paths.beta[path])
+    };
+    let Some(glow) = glow else { return vertex.bsdf.sample(vertex.wo, lobe, u) };
+    if lobe < Glow::SHARE {
+        let wi = vertex.frame.to_local(glow.sample(lobe / Glow::SHARE, u)?);
+        let (f, scattered) = vertex.bsdf.scatter(vertex.wo, wi);
+        let pdf = Glow::SHARE * glow.pdf(vertex.frame.to_world(wi)) + (1.0 - Glow::SHARE) * scattered;
+        return (f != Vec3::ZERO).then(|| BsdfSample { wi, weight: f / pdf, pdf, eta2: 1.0 });
+    }
+    let rest = (lobe - Glow::SHARE) / (1.0 - Glow::SHARE);
+    let sample = vertex.bsdf.sample(vertex.wo, rest, u)?;
+    if sample.pdf.is_infinite() {
+        return Some(BsdfSample { weight: sample.weight / (1.0 - Glow::SHARE), ..sample });
+    }
+    let pdf = Glow::SHARE * glow.pdf(vertex.frame.to_world(sample.wi)) + (1.0 - Glow::SHARE) * sample.pdf;
+    Some(BsdfSample { weight: sample.weight * (sample.pdf / pdf), pdf, ..sample })
 }

@@ -4,6 +4,7 @@
 //! then for every surface intersect, emit, shade, shadow rays. A path's value depends on its own numbers only, never
 //! on its neighbours in the wave, so that any grouping gives the same bits.
 
+mod common;
 mod media;
 mod paths;
 mod stages;

@@ -1,13 +1,15 @@
 //! Owns the stages: loops over the paths that are alive.
 
 use super::Wave;
+use super::common::{behind, note_features, power_heuristic, scattered_weight, shadow_ray_from};
+use super::media;
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
 use crate::film::Counters;
-use crate::light::{LightSample, Target};
+use crate::light::LightSample;
 use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
-use crate::scene::{Hit, Interiors, Scene, Strategy};
+use crate::scene::{Hit, Scene, Strategy};
 use glam::{Vec2, Vec3};
 
 /// Sends a ray through every sample of every pixel.
@@ -129,44 +131,6 @@ pub(super) fn observe(scene: &Scene, paths: &mut Paths) {
     paths.surfaces = surfaces;
 }
 
-/// Notes albedo and normal of the first surface of a path that is no mirror and no pane.
-pub(super) fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize) {
-    if !paths.unseen[path] || vertex.bsdf.is_delta() {
-        return;
-    }
-    paths.unseen[path] = false;
-    let facing = 1.0_f32.copysign(vertex.wo.z);
-    let color = (paths.beta[path] * paths.eta2[path]).clamp(Vec3::ZERO, Vec3::ONE);
-    paths.features[path].albedo = vertex.bsdf.albedo(vertex.wo) * color;
-    paths.features[path].normal = vertex.frame.n * facing;
-}
-
-/// Weight of having found a light by scattering; 1 for camera rays, which no light sampling competes with.
-pub(super) fn scattered_weight(
-    scene: &Scene,
-    paths: &Paths,
-    path: usize,
-    light: usize,
-    light_pdf: f32,
-) -> f32 {
-    let pdf = paths.pdf[path];
-    if pdf.is_infinite() {
-        return 1.0;
-    }
-    match scene.strategy() {
-        Strategy::Both | Strategy::BlindChoice => {}
-        Strategy::Scattering => return 1.0,
-        Strategy::Lights => return 0.0,
-    }
-    power_heuristic(pdf, light_pdf * scene.light_choice_pdf(&paths.receivers[path], light))
-}
-
-/// The power heuristic with exponent 2, written so that large densities give 0 or 1 and never NaN.
-pub(super) fn power_heuristic(this: f32, other: f32) -> f32 {
-    let ratio = other / this;
-    1.0 / (1.0 + ratio * ratio)
-}
-
 /// Samples a light and a direction at every surface: queues shadow rays, sends paths on or ends them.
 pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.shadows.clear();
@@ -199,15 +163,6 @@ pub(super) fn scatter_all(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.surfaces = surfaces;
 }
 
-/// Inside of what a ray is that leaves a surface along `wi`.
-fn behind(scene: &Scene, vertex: &Vertex<'_>, paths: &Paths, path: usize, wi: Vec3) -> Interiors {
-    match paths.interiors.get(path) {
-        Some(&interiors) if vertex.passes(wi) => scene.beyond(interiors, vertex.surface, wi),
-        Some(&interiors) => interiors,
-        None => Interiors::OUTSIDE,
-    }
-}
-
 /// Chooses a light and a point of it: the shadow ray and what it brings, weighed against finding it by scattering.
 fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u32) -> Option<(Ray, Vec3)> {
     if vertex.bsdf.is_delta() {
@@ -237,26 +192,16 @@ fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
     shadow_ray_from(vertex.origin_towards(sample.wi), sample)
 }
 
-/// The same from a point that needs no offset.
-pub(super) fn shadow_ray_from(origin: Vec3, sample: &LightSample) -> Ray {
-    match sample.target {
-        Target::Infinity => Ray::new(origin, sample.wi),
-        Target::Point(p, error, n) => {
-            let end = offset_origin(p, error, n, -sample.wi);
-            // A few roundings short of the end, which is the surface that shines.
-            Ray { o: origin, d: end - origin, t_max: 1.0 - 4.0 * f32::EPSILON }
-        }
-    }
-}
-
 /// Chooses the next direction; false when the path ends.
 fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, bounce: u32) -> bool {
     let sampler = paths.samplers[path];
-    let lobe = sampler.get_1d(Decision::Lobe(bounce));
-    let Some(sample) = vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce)))
-    else {
-        return false;
+    let chosen = if scene.has_media() {
+        media::surface_direction(scene, vertex, paths, path, bounce)
+    } else {
+        let lobe = sampler.get_1d(Decision::Lobe(bounce));
+        vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce)))
     };
+    let Some(sample) = chosen else { return false };
     let Some(wi) = vertex.to_world(sample.wi) else { return false };
     let mut beta = paths.beta[path] * sample.weight;
     let eta2 = paths.eta2[path] * sample.eta2;

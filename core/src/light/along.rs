@@ -182,6 +182,11 @@ impl Beacons {
         let brightness = all.iter().flatten().map(|beacon| beacon.brightness(Vec3::ONE)).sum();
         Self { all, brightness }
     }
+
+    /// Those that there are, by light.
+    pub(super) fn all(&self) -> impl Iterator<Item = (usize, &Beacon)> {
+        self.all.iter().enumerate().filter_map(|(light, beacon)| Some((light, beacon.as_ref()?)))
+    }
 }
 
 /// The place on a segment from which many lights are seen: one that light gets to.

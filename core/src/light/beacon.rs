@@ -4,7 +4,10 @@
 use super::Light;
 use super::spotlight::SpotLight;
 use crate::color::luminance;
-use glam::{DVec3, Vec3};
+use crate::math::Frame;
+use crate::warp::cone_uniform;
+use glam::{DVec3, Vec2, Vec3};
+use std::f64::consts::PI;
 use wide::f32x8;
 
 /// A part of a ray: from `near` to `far` along the unit direction `d`.
@@ -105,11 +108,38 @@ impl Beacon {
         }
     }
 
+    /// The solid angle that it shines into.
+    pub(super) fn solid_angle(&self) -> f64 {
+        match &self.shape {
+            Shape::Everywhere => 4.0 * PI,
+            Shape::Front(_) => 2.0 * PI,
+            Shape::Cone(light) => 2.0 * PI * (1.0 - edge(light)),
+        }
+    }
+
+    /// A direction in which it shines, even in solid angle.
+    pub(super) fn direction(&self, u: Vec2) -> Vec3 {
+        let (axis, cos_edge) = match &self.shape {
+            Shape::Everywhere => (Vec3::Z, -1.0),
+            Shape::Front(normal) => (*normal, 0.0),
+            Shape::Cone(light) => (light.axis().as_vec3(), edge(light)),
+        };
+        Frame::new(axis).to_world(cone_uniform(u, (1.0 - cos_edge) as f32))
+    }
+
     /// Luminance of its intensity in the eyes of a path with this throughput.
     pub(super) fn brightness(&self, beta: Vec3) -> f32 {
         luminance(self.intensity * beta)
     }
 }
+
+/// Cosine of the edge of the part of a spotlight that [`cone`] clips to.
+fn edge(light: &SpotLight) -> f64 {
+    if light.cos_edge() <= WIDEST { -1.0 } else { light.cos_edge() }
+}
+
+/// Cosine of the widest cone that lines are clipped to.
+const WIDEST: f64 = 1e-3;
 
 /// The part of a line, seen from the apex at `co`, that is inside of a cone around a unit axis.
 ///
@@ -117,7 +147,7 @@ impl Beacon {
 fn cone(co: DVec3, d: DVec3, axis: DVec3, cos_edge: f64) -> Option<(f64, f64)> {
     const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
     // From a right angle on the cone has no inside that a line has one part in.
-    if cos_edge <= 1e-3 {
+    if cos_edge <= WIDEST {
         return Some(EVERYWHERE);
     }
     let c = cos_edge * (1.0 - 1e-9) - 1e-12;

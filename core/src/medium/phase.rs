@@ -33,7 +33,7 @@ impl Phase {
     }
 
     /// The value by 1 − cos, or for backward scattering 1 + cos.
-    fn lobe(&self, off: f32) -> f32 {
+    fn lobe(self, off: f32) -> f32 {
         let g = self.g.abs();
         let k = (1.0 - g) * (1.0 - g) + 2.0 * g * off;
         (1.0 - g * g) / (4.0 * PI * k * k.sqrt())
@@ -51,7 +51,7 @@ impl Phase {
     /// The cosine that a share `u` of the light stays below.
     ///
     /// The inverse as printed divides by g; for small g it is multiplied out, in which form nothing cancels.
-    fn cosine(&self, u: f32) -> f32 {
+    fn cosine(self, u: f32) -> f32 {
         let (g, m) = (self.g, 2.0 * u - 1.0);
         let cos = if g.abs() < 0.5 {
             let above = m + 0.5 * g * (m * m + 3.0) + g * g * m + 0.5 * g * g * g * (m * m - 1.0);

@@ -52,7 +52,10 @@ impl Scene {
         let endless = lights.iter().all(|light| !light.is_infinite());
         let everything = lights.iter().filter_map(Light::bounds).fold(tree.bounds(), Aabb::union);
         let everything = (!endless).then_some(everything);
-        let media = Media::new(&mut objects, &fillings, around, (everything, camera.position()));
+        let many = lights.len() > Lights::WEIGH_ALL;
+        let places = lights.iter().map(|light| light.bounds().map_or(Vec3::ZERO, |bounds| bounds.center()));
+        let places: Vec<Vec3> = if many { Vec::new() } else { places.collect() };
+        let media = Media::new(&mut objects, &fillings, around, (everything, camera.position()), &places);
         let has_holes = objects.iter().any(|object| object.holes);
         let function_names = description.sdf_objects.iter().map(|(name, _)| name.to_owned()).collect();
         let film = &description.film;

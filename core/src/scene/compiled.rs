@@ -10,7 +10,7 @@ use crate::bvh::{Bvh, RayBoxes};
 use crate::camera::Camera;
 use crate::color::View;
 use crate::film::{FrameSize, PixelFilter, Region};
-use crate::light::{Lights, Receiver};
+use crate::light::{Glow, Lights, Receiver};
 use crate::math::{Aabb, Frame, Ray, offset_origin};
 use crate::sampler::Stream;
 use crate::sdf::Sdf;
@@ -257,6 +257,15 @@ impl Scene {
     /// What fills the space that a ray begins in; `None` where nothing does.
     pub fn medium(&self, ray: &Ray, interiors: Interiors) -> Option<Stretch<'_>> {
         self.media.as_ref()?.at(ray, interiors)
+    }
+
+    /// The glow of lights around a ray, in the medium that it begins in; `None` where nothing glows.
+    pub fn glow(&self, ray: &Ray, interiors: Interiors, beta: Vec3) -> Option<Glow<'_>> {
+        let media = self.media.as_ref()?;
+        if self.strategy != Strategy::Both || !media.at(ray, interiors)?.medium.scatters() {
+            return None;
+        }
+        self.lights.glow(ray.o, beta, |light| media.is_with(light, interiors))
     }
 
     /// Inside of what a ray is that has passed a surface along `d`.

@@ -18,6 +18,8 @@ pub(super) struct Media {
     ball: Option<(DVec3, f64)>,
     /// Where the camera is.
     camera: Interiors,
+    /// Where each light is, by the rank of the innermost object; empty where there are too many.
+    lights: Vec<u16>,
 }
 
 /// What an object that is filled with a medium needs for it.
@@ -32,14 +34,16 @@ pub(super) struct Interior {
 /// The filled objects that a point is inside of, at most eight. The smallest one's medium is what is there: where objects
 /// are nested that is the innermost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Interiors([u16; Interiors::MOST]);
+pub struct Interiors([u16; NESTED]);
+
+/// Most objects that a point is known to be inside of.
+const NESTED: usize = 8;
 
 impl Interiors {
-    const MOST: usize = 8;
     const NONE: u16 = u16::MAX;
 
     /// Outside of all.
-    pub const OUTSIDE: Self = Self([Self::NONE; Self::MOST]);
+    pub const OUTSIDE: Self = Self([Self::NONE; NESTED]);
 
     /// The same, inside of one more. Of more than eight the largest is forgotten.
     fn with(mut self, rank: u16) -> Self {
@@ -59,7 +63,7 @@ impl Interiors {
     fn without(mut self, rank: u16) -> Self {
         if let Some(at) = self.0.iter().position(|&slot| slot == rank) {
             self.0.copy_within(at + 1.., at);
-            self.0[Self::MOST - 1] = Self::NONE;
+            self.0[NESTED - 1] = Self::NONE;
         }
         self
     }
@@ -86,6 +90,7 @@ impl Media {
         fillings: &[Option<Medium>],
         around: Option<Medium>,
         (bounds, camera): (Option<Aabb>, Vec3),
+        lights: &[Vec3],
     ) -> Option<Self> {
         let mut filled: Vec<usize> = (0..objects.len()).filter(|&i| fillings[i].is_some()).collect();
         if filled.is_empty() && around.is_none() {
@@ -97,19 +102,18 @@ impl Media {
         for (rank, &i) in filled.iter().enumerate() {
             objects[i].interior = Some(Interior { rank: rank as u16, outward: objects[i].is_outward() });
         }
-        let mut at = Interiors::OUTSIDE;
-        for &i in &filled {
-            let rank = objects[i].interior.map_or(0, |interior| interior.rank);
-            if objects[i].holds(camera) {
-                at = at.with(rank);
-            }
-        }
         let ball = bounds.map(|bounds| {
             let all = bounds.with_point(camera);
             let (center, size) = (all.center().as_dvec3(), all.size().as_dvec3().length());
             (center, (0.5 * size * (1.0 + 1e-5)).max(1e-6))
         });
-        Some(Self { inside, around, ball, camera: at })
+        let lights = lights.iter().map(|&place| innermost(objects, &filled, place).0[0]).collect();
+        Some(Self { inside, around, ball, camera: innermost(objects, &filled, camera), lights })
+    }
+
+    /// Whether a light is in the same medium as a ray.
+    pub(super) fn is_with(&self, light: usize, interiors: Interiors) -> bool {
+        self.lights.get(light).is_some_and(|&rank| rank == interiors.0[0])
     }
 
     /// Where the camera is.
@@ -133,6 +137,13 @@ impl Media {
         let end = if b > 0.0 { -c / (b + root) } else { (root - b) / a };
         Some(Stretch { medium, end: end.max(0.0) as f32 })
     }
+}
+
+/// Inside of which of the filled objects a point is.
+fn innermost(objects: &[Object], filled: &[usize], p: Vec3) -> Interiors {
+    let holders = filled.iter().filter(|&&i| objects[i].holds(p));
+    let ranks = holders.filter_map(|&i| objects[i].interior.map(|interior| interior.rank));
+    ranks.fold(Interiors::OUTSIDE, Interiors::with)
 }
 
 impl Object {

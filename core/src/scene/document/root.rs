@@ -41,9 +41,10 @@ object! {
         sdf_objects: Named<SdfObject> = or(Named::default());
         /// Lights that are not surfaces, by name.
         lights: Named<Light> = or(Named::default());
-        /// What fills space, by name. Documents keep it; pictures are still made as if space were empty.
+        /// What fills space, by name.
         media: Named<Medium> = or(Named::default());
-        /// Name of the medium that is wherever no object's interior is.
+        /// Name of the medium that is wherever no object's interior is. Where lights at infinity shine, it ends with a ball
+        /// around all objects, lights and the camera; else nowhere.
         medium: Option<String> = optional().naming(Table::Media);
         /// What changes from frame to frame.
         animation: Option<Animation> = optional();

@@ -1,0 +1,67 @@
+//! Owns what stages of scenes with and without media have in common.
+
+use super::paths::Paths;
+use super::vertex::Vertex;
+use crate::light::{LightSample, Target};
+use crate::math::{Ray, offset_origin};
+use crate::scene::{Interiors, Scene, Strategy};
+use glam::Vec3;
+
+/// Notes albedo and normal of the first surface of a path that is no mirror and no pane.
+pub(super) fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize) {
+    if !paths.unseen[path] || vertex.bsdf.is_delta() {
+        return;
+    }
+    paths.unseen[path] = false;
+    let facing = 1.0_f32.copysign(vertex.wo.z);
+    let color = (paths.beta[path] * paths.eta2[path]).clamp(Vec3::ZERO, Vec3::ONE);
+    paths.features[path].albedo = vertex.bsdf.albedo(vertex.wo) * color;
+    paths.features[path].normal = vertex.frame.n * facing;
+}
+
+/// Weight of having found a light by scattering; 1 for camera rays, which no light sampling competes with.
+pub(super) fn scattered_weight(
+    scene: &Scene,
+    paths: &Paths,
+    path: usize,
+    light: usize,
+    light_pdf: f32,
+) -> f32 {
+    let pdf = paths.pdf[path];
+    if pdf.is_infinite() {
+        return 1.0;
+    }
+    match scene.strategy() {
+        Strategy::Both | Strategy::BlindChoice => {}
+        Strategy::Scattering => return 1.0,
+        Strategy::Lights => return 0.0,
+    }
+    power_heuristic(pdf, light_pdf * scene.light_choice_pdf(&paths.receivers[path], light))
+}
+
+/// The power heuristic with exponent 2, written so that large densities give 0 or 1 and never NaN.
+pub(super) fn power_heuristic(this: f32, other: f32) -> f32 {
+    let ratio = other / this;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+/// The ray to a sampled point of a light, a little short of it, from an origin that needs no offset any more.
+pub(super) fn shadow_ray_from(origin: Vec3, sample: &LightSample) -> Ray {
+    match sample.target {
+        Target::Infinity => Ray::new(origin, sample.wi),
+        Target::Point(p, error, n) => {
+            let end = offset_origin(p, error, n, -sample.wi);
+            // A few roundings short of the end, which is the surface that shines.
+            Ray { o: origin, d: end - origin, t_max: 1.0 - 4.0 * f32::EPSILON }
+        }
+    }
+}
+
+/// Inside of what a ray is that leaves a surface along `wi`.
+pub(super) fn behind(scene: &Scene, vertex: &Vertex<'_>, paths: &Paths, path: usize, wi: Vec3) -> Interiors {
+    match paths.interiors.get(path) {
+        Some(&interiors) if vertex.passes(wi) => scene.beyond(interiors, vertex.surface, wi),
+        Some(&interiors) => interiors,
+        None => Interiors::OUTSIDE,
+    }
+}
