@@ -1,7 +1,7 @@
 //! `karst check`: everything that a render would find wrong, without rendering.
 
 use karst_client::{Error, OpenScene, open_scene, scene_error};
-use karst_core::scene::{AlbedoPeak, Assets, Limits, Model, Problems, Scene};
+use karst_core::scene::{AlbedoPeak, Assets, Description, Limits, Model, Problems, Scene};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 

@@ -128,7 +128,8 @@ mod tests {
         let count = 1_500_000_u32;
         for i in 0..count {
             // Powers of the golden ratio's relative in the plane fill a square evenly.
-            let u = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|a| (f64::from(i) * a).fract() as f32);
+            let u =
+                [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|a| (f64::from(i) * a).fract() as f32);
             match medium.sample(beta, length, u) {
                 Event::Scatter(distance, weight) => {
                     assert!((0.0..length).contains(&distance));
