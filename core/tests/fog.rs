@@ -6,8 +6,9 @@ mod support;
 
 use glam::{DVec3, Vec3};
 use karst_core::film::Film;
-use karst_core::scene::Strategy;
+use karst_core::scene::{Assets, Document, Folder, Limits, Scene, Strategy};
 use std::f64::consts::PI;
+use std::path::Path;
 use support::{render, scene};
 
 /// A document of a camera at the origin that looks along −z through so narrow a lens that all of its rays are one.
@@ -199,9 +200,10 @@ fn ways_to_find_light_agree() {
         r#""ball": {"center": [1.2, 1, -2.5], "radius": 0.8, "material": "black", "emission": [3, 2.5, 2]},"#;
     let scenes = [
         (
-            "ball light",
+            "lamp under a dim sky",
             format!(
-                r#"{fog} "spheres": {{{lamp} "floor": {{"center": [0, -12, -3], "radius": 11, "material": "grey"}}}}"#
+                r#"{fog} "spheres": {{{lamp} "floor": {{"center": [0, -12, -3], "radius": 11, "material": "grey"}}}},
+                   "lights": {{"sky": {{"type": "environment", "radiance": [0.05, 0.1, 0.2]}}}}"#
             ),
         ),
         (
@@ -229,5 +231,76 @@ fn ways_to_find_light_agree() {
             assert!((mean - both).abs() < 4.0 * sigma, "{name}, {strategy:?}: {mean} {both} ± {sigma}");
             assert!(sigma < 2.5e-3 * both, "{name}, {strategy:?}: too noisy to tell, {sigma}");
         }
+    }
+}
+
+/// What a document without assets is refused for.
+fn refused(document: &str, folder: &Path) -> String {
+    let limits = Limits::default();
+    let document = Document::parse(document, "test.json", &limits).unwrap_or_else(|p| panic!("{p}"));
+    let source = Folder::new(folder).unwrap_or_else(|e| panic!("{e}"));
+    let assets = Assets::load(&document, &source, &limits).unwrap_or_else(|p| panic!("{p}"));
+    let description = document.at(1).unwrap_or_else(|p| panic!("{p}"));
+    Scene::build(&description, &assets, 1).err().map_or_else(String::new, |problems| problems.to_string())
+}
+
+#[test]
+fn media_that_cannot_be_are_refused_with_their_place() {
+    let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
+    // A tetrahedron without its bottom.
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    std::fs::write(folder.path().join("open.obj"), text).unwrap_or_else(|e| panic!("{e}"));
+    let members = r#""media": {"fog": {"sigma_s": [1, 1, 1]}}, "meshes": {"tent": {"file": "open.obj"}},
+        "instances": {"tent": {"mesh": "tent", "material": "nothing", "interior": "fog"}}"#;
+    let found = refused(&looking(1, 2, members), folder.path());
+    assert!(found.contains("instances.tent.interior: found a mesh with 3 open edges"), "{found}");
+    let members = r#""media": {"fog": {"sigma_s": [1e30, 1, 1], "density": 1e30}}, "medium": "fog""#;
+    let found = refused(&looking(1, 2, members), folder.path());
+    assert!(found.contains("media.fog.density: found a medium that takes"), "{found}");
+}
+
+#[test]
+fn dense_and_distant_fog_is_finite() {
+    let lamp = r#""lights": {"lamp": {"type": "point", "position": [1, 1, -2], "intensity": [3, 3, 3]},
+        "sky": {"type": "environment", "radiance": [1, 1, 1]}}"#;
+    for sigma in ["[0, 0, 0]", "[1e-9, 1e-9, 1e-9]", "[1e4, 1e4, 1e4]", "[0, 1, 3]", "[0, 0, 1e8]"] {
+        // Around everything, and around a camera inside of a ball; with a wall, and into nothing.
+        for place in [
+            r#""medium": "fog""#,
+            r#""spheres": {"ball": {"center": [0, 0, 0], "radius": 1.5, "material": "nothing", "interior": "fog"}}"#,
+        ] {
+            for wall in [WALL, r#""sdf_objects": {}"#] {
+                for lights in [
+                    lamp,
+                    r#""lights": {"lamp": {"type": "point", "position": [0, 0, -1], "intensity": [1, 1, 1]}}"#,
+                ] {
+                    let media = format!(r#""media": {{"fog": {{"sigma_s": {sigma}, "g": 0.99}}}}"#);
+                    let document = looking(16, 12, &format!("{media}, {place}, {wall}, {lights}"));
+                    let film = render(&scene(&document), 16, 2);
+                    let counters = film.summary().counters;
+                    assert_eq!(counters.nan_samples + counters.infinite_samples, 0, "{document}");
+                    let most = channels(&film).into_iter().fold(0.0, f64::max);
+                    assert!(most.is_finite() && most >= 0.0, "{document}: {most}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn interiors_nest_and_animation_reaches_them() {
+    // Clear in dark in clear: through the shells and not through the middle. The camera is in the middle of all.
+    let media = r#""media": {"dark": {"sigma_a": [0.5, 0.5, 0.5], "density": 2}, "clear": {}}"#;
+    let shells = r#""spheres": {
+        "outer": {"center": [0, 0, 0], "radius": 3, "material": "nothing", "interior": "dark"},
+        "inner": {"center": [0, 0, 0], "radius": 2, "material": "nothing", "interior": "clear"}},
+        "lights": {"sky": {"type": "environment", "radiance": [1, 1, 1]}}"#;
+    agrees("shell", &looking(2, 4, &format!("{media}, {shells}")), [libm::exp(-1.0); 3], 1e-5);
+    let animation = r#""animation": {"frames": [1, 3], "tracks": {
+        "media.dark.density": {"keys": [{"frame": 1, "value": 2}, {"frame": 3, "value": 6}]}}}"#;
+    let document = looking(2, 4, &format!("{media}, {shells}, {animation}"));
+    for (frame, thick) in [(1, 1.0), (2, 2.0), (3, 3.0)] {
+        let found = channels(&render(&support::scene_in(Path::new("."), &document, frame), 16, 2));
+        assert!((found[0] - libm::exp(-thick)).abs() < 1e-5, "frame {frame}: {found:?}");
     }
 }

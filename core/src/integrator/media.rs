@@ -22,7 +22,7 @@ use crate::math::{Ray, offset_origin};
 use crate::medium::{Event, Medium};
 use crate::sampler::Decision;
 use crate::scene::{Hit, Interiors, Scene, Strategy, Surface};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// A part of a path's way to its next surface in one medium.
 #[derive(Debug, Clone, Copy)]
@@ -236,8 +236,10 @@ pub(super) fn scatter(scene: &Scene, bounce: u32, paths: &mut Paths) {
         if paths.beta[path] == Vec3::ZERO {
             continue;
         }
-        sample_light(scene, bounce, paths, place);
-        if go_on(scene, bounce, paths, place) {
+        let ray = Ray::new(place.p, place.along);
+        let glow = scene.glow(&ray, place.interiors, paths.beta[path]);
+        sample_light(scene, bounce, paths, place, glow.as_ref());
+        if go_on(scene, bounce, paths, place, glow.as_ref()) {
             paths.active.push(place.path);
         }
     }
@@ -247,7 +249,7 @@ pub(super) fn scatter(scene: &Scene, bounce: u32, paths: &mut Paths) {
 }
 
 /// Sends a shadow ray to a light at infinity, or by other strategies to any.
-fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) {
+fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Option<&Glow<'_>>) {
     let path = place.path as usize;
     let from = Receiver { p: place.p, n: Vec3::ZERO };
     let sampler = paths.samplers[path];
@@ -264,7 +266,9 @@ fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) {
     let pdf = sample.pdf * choice;
     let weight = match strategy {
         _ if sample.delta => 1.0,
-        Strategy::Both | Strategy::BlindChoice => power_heuristic(pdf, scattered),
+        Strategy::Both | Strategy::BlindChoice => {
+            power_heuristic(pdf, glow.map_or(scattered, |glow| glow.mixed(sample.wi, scattered)))
+        }
         Strategy::Scattering => return,
         Strategy::Lights => 1.0,
     };
@@ -274,7 +278,7 @@ fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) {
 }
 
 /// Chooses the next direction; false when the path ends.
-fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) -> bool {
+fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Option<&Glow<'_>>) -> bool {
     let path = place.path as usize;
     let sampler = paths.samplers[path];
     if bounce + 1 >= scene.roulette_depth() {
@@ -286,20 +290,18 @@ fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place) -> bool {
     }
     let u = sampler.get_2d(Decision::Direction(bounce));
     let phase = place.medium.phase();
-    let ray = Ray::new(place.p, place.along);
-    let (wi, pdf) = match scene.glow(&ray, place.interiors, paths.beta[path]) {
+    let (wi, pdf) = match glow {
         None => phase.sample(place.along, u),
         Some(glow) => {
             let lobe = sampler.get_1d(Decision::Lobe(bounce));
-            let towards = lobe < Glow::SHARE;
-            let chosen = if towards {
+            let chosen = if lobe < Glow::SHARE {
                 glow.sample(lobe / Glow::SHARE, u)
             } else {
                 Some(phase.sample(place.along, u).0)
             };
             let Some(wi) = chosen else { return false };
             let value = phase.value(place.along, wi);
-            let pdf = Glow::SHARE * glow.pdf(wi) + (1.0 - Glow::SHARE) * value;
+            let pdf = glow.mixed(wi, value);
             paths.beta[path] *= value / pdf;
             (wi, pdf)
         }
@@ -332,27 +334,34 @@ pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) 
     }
 }
 
-/// Chooses the direction in which a surface scatters, sometimes towards the glow of lights in the medium before it.
-pub(super) fn surface_direction(
-    scene: &Scene,
+/// The glow of lights in the medium before a surface; `None` without one, and for surfaces that let light through or
+/// mirror it.
+pub(super) fn glow_at<'a>(
+    scene: &'a Scene,
     vertex: &Vertex<'_>,
     paths: &Paths,
     path: usize,
-    bounce: u32,
+) -> Option<Glow<'a>> {
+    let &interiors = paths.interiors.get(path)?;
+    if vertex.bsdf.is_delta() || vertex.bsdf.transmits() {
+        return None;
+    }
+    let ray = Ray::new(vertex.receiver().p, paths.rays[path].d);
+    scene.glow(&ray, interiors, paths.beta[path])
+}
+
+/// Chooses the direction in which a surface scatters, sometimes towards a glow.
+pub(super) fn surface_direction(
+    vertex: &Vertex<'_>,
+    glow: &Glow<'_>,
+    lobe: f32,
+    u: Vec2,
 ) -> Option<BsdfSample> {
-    let sampler = paths.samplers[path];
-    let (lobe, u) = (sampler.get_1d(Decision::Lobe(bounce)), sampler.get_2d(Decision::Direction(bounce)));
-    let glow = if vertex.bsdf.is_delta() || vertex.bsdf.transmits() {
-        None
-    } else {
-        let ray = Ray::new(vertex.receiver().p, paths.rays[path].d);
-        scene.glow(&ray, paths.interiors[path], paths.beta[path])
-    };
-    let Some(glow) = glow else { return vertex.bsdf.sample(vertex.wo, lobe, u) };
     if lobe < Glow::SHARE {
-        let wi = vertex.frame.to_local(glow.sample(lobe / Glow::SHARE, u)?);
+        let towards = glow.sample(lobe / Glow::SHARE, u)?;
+        let wi = vertex.frame.to_local(towards);
         let (f, scattered) = vertex.bsdf.scatter(vertex.wo, wi);
-        let pdf = Glow::SHARE * glow.pdf(vertex.frame.to_world(wi)) + (1.0 - Glow::SHARE) * scattered;
+        let pdf = glow.mixed(towards, scattered);
         return (f != Vec3::ZERO).then(|| BsdfSample { wi, weight: f / pdf, pdf, eta2: 1.0 });
     }
     let rest = (lobe - Glow::SHARE) / (1.0 - Glow::SHARE);
@@ -360,6 +369,6 @@ pub(super) fn surface_direction(
     if sample.pdf.is_infinite() {
         return Some(BsdfSample { weight: sample.weight / (1.0 - Glow::SHARE), ..sample });
     }
-    let pdf = Glow::SHARE * glow.pdf(vertex.frame.to_world(sample.wi)) + (1.0 - Glow::SHARE) * sample.pdf;
+    let pdf = glow.mixed(vertex.frame.to_world(sample.wi), sample.pdf);
     Some(BsdfSample { weight: sample.weight * (sample.pdf / pdf), pdf, ..sample })
 }

@@ -6,7 +6,7 @@ use super::media;
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
 use crate::film::Counters;
-use crate::light::LightSample;
+use crate::light::{Glow, LightSample};
 use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
 use crate::scene::{Hit, Scene, Strategy};
@@ -149,12 +149,13 @@ pub(super) fn scatter_all(scene: &Scene, bounce: u32, paths: &mut Paths) {
             continue;
         }
         let sampler = paths.samplers[path];
-        if let Some((ray, light)) = sample_light(scene, &vertex, &sampler, bounce) {
+        let glow = media::glow_at(scene, &vertex, paths, path);
+        if let Some((ray, light)) = sample_light(scene, &vertex, glow.as_ref(), (&sampler, bounce)) {
             let contribution = paths.beta[path] * light;
             let interiors = behind(scene, &vertex, paths, path, ray.d);
             paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
         }
-        if scatter(scene, &vertex, paths, path, bounce) {
+        if scatter(scene, &vertex, glow.as_ref(), paths, (path, bounce)) {
             paths.active[alive] = path as u32;
             alive += 1;
         }
@@ -164,7 +165,12 @@ pub(super) fn scatter_all(scene: &Scene, bounce: u32, paths: &mut Paths) {
 }
 
 /// Chooses a light and a point of it: the shadow ray and what it brings, weighed against finding it by scattering.
-fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u32) -> Option<(Ray, Vec3)> {
+fn sample_light(
+    scene: &Scene,
+    vertex: &Vertex<'_>,
+    glow: Option<&Glow<'_>>,
+    (sampler, bounce): (&Sampler, u32),
+) -> Option<(Ray, Vec3)> {
     if vertex.bsdf.is_delta() {
         return None;
     }
@@ -180,7 +186,9 @@ fn sample_light(scene: &Scene, vertex: &Vertex<'_>, sampler: &Sampler, bounce: u
     // No path finds a light without extent by itself.
     let weight = match scene.strategy() {
         _ if sample.delta => 1.0,
-        Strategy::Both | Strategy::BlindChoice => power_heuristic(pdf, scattered),
+        Strategy::Both | Strategy::BlindChoice => {
+            power_heuristic(pdf, glow.map_or(scattered, |glow| glow.mixed(sample.wi, scattered)))
+        }
         Strategy::Scattering => return None,
         Strategy::Lights => 1.0,
     };
@@ -193,13 +201,19 @@ fn shadow_ray(vertex: &Vertex<'_>, sample: &LightSample) -> Ray {
 }
 
 /// Chooses the next direction; false when the path ends.
-fn scatter(scene: &Scene, vertex: &Vertex<'_>, paths: &mut Paths, path: usize, bounce: u32) -> bool {
+fn scatter(
+    scene: &Scene,
+    vertex: &Vertex<'_>,
+    glow: Option<&Glow<'_>>,
+    paths: &mut Paths,
+    (path, bounce): (usize, u32),
+) -> bool {
     let sampler = paths.samplers[path];
-    let chosen = if scene.has_media() {
-        media::surface_direction(scene, vertex, paths, path, bounce)
-    } else {
-        let lobe = sampler.get_1d(Decision::Lobe(bounce));
-        vertex.bsdf.sample(vertex.wo, lobe, sampler.get_2d(Decision::Direction(bounce)))
+    let lobe = sampler.get_1d(Decision::Lobe(bounce));
+    let u = sampler.get_2d(Decision::Direction(bounce));
+    let chosen = match glow {
+        Some(glow) => media::surface_direction(vertex, glow, lobe, u),
+        None => vertex.bsdf.sample(vertex.wo, lobe, u),
     };
     let Some(sample) = chosen else { return false };
     let Some(wi) = vertex.to_world(sample.wi) else { return false };

@@ -15,9 +15,12 @@ use glam::{Vec2, Vec3};
 pub struct Glow<'a> {
     from: Vec3,
     /// Lights, and how often each is chosen.
-    lights: [Option<(&'a Beacon, f32)>; Lights::WEIGH_ALL],
+    lights: [Option<(&'a Beacon, f32)>; MOST],
     count: usize,
 }
+
+/// Up to this many lights are known each.
+const MOST: usize = 16;
 
 impl Glow<'_> {
     /// How often a direction is taken towards the glow, where there is one.
@@ -46,6 +49,11 @@ impl Glow<'_> {
         let reach = Self::REACH * (beacon.position - self.from).length();
         let place = beacon.position + beacon.direction(u) * (reach * part);
         (place - self.from).try_normalize()
+    }
+
+    /// The density with which a direction is taken, towards the glow or else with some other density.
+    pub fn mixed(&self, d: Vec3, other: f32) -> f32 {
+        Self::SHARE * self.pdf(d) + (1.0 - Self::SHARE) * other
     }
 
     /// The density per solid angle with which [`Glow::sample`] takes a direction.
@@ -87,10 +95,10 @@ impl Lights {
     /// The glow of the lights at a finite distance that `counts` takes, as a point sees it; `None` where there is none, or
     /// where there are too many lights to know each.
     pub fn glow(&self, from: Vec3, beta: Vec3, counts: impl Fn(usize) -> bool) -> Option<Glow<'_>> {
-        if self.all.len() > Self::WEIGH_ALL {
+        if self.all.len() > MOST {
             return None;
         }
-        let mut glow = Glow { from, lights: [None; Self::WEIGH_ALL], count: 0 };
+        let mut glow = Glow { from, lights: [None; MOST], count: 0 };
         let mut total = 0.0;
         for (light, beacon) in self.beacons.all() {
             // Light falls off with the square of the distance, the glow around it with the distance itself.

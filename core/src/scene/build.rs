@@ -102,10 +102,22 @@ impl Builder<'_> {
     }
 
     /// The medium of that name, its coefficients by world unit.
-    fn medium(&self, name: &str) -> Option<Medium> {
+    fn medium(&mut self, name: &str) -> Option<Medium> {
         let &doc::Medium { sigma_a, sigma_s, density, g } = self.description.media.get(name)?;
+        let most = ((sigma_a + sigma_s) * density).max_element();
+        if most > Self::DENSEST {
+            let message = format!(
+                "found a medium that takes {most:e} of the light per world unit, expected {:e} at most",
+                Self::DENSEST
+            );
+            self.problem(&format!("media.{name}.density"), &message);
+            return None;
+        }
         Some(Medium::new(sigma_a * density, sigma_s * density, g))
     }
+
+    /// Most that a medium takes: what single precision can still square and multiply.
+    const DENSEST: f32 = 1e12;
 
     /// Reports a mesh that is to be filled and leaks. One that has lost triangles without area may be closed but for them.
     fn encloses(&mut self, path: &str, mesh: &Mesh) {
@@ -150,7 +162,8 @@ impl Builder<'_> {
         flip: bool,
         lights: &[u32],
     ) {
-        self.fillings.push(interior.and_then(|name| self.medium(name)));
+        let filling = interior.and_then(|name| self.medium(name));
+        self.fillings.push(filling);
         let emitter = (!lights.is_empty()).then_some(self.emitters.len() as u32);
         let holes = self.has_holes(material);
         self.emitters.extend_from_slice(lights);

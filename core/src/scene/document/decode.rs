@@ -74,7 +74,7 @@ impl Decode for f32 {
     fn decode(at: &Cursor<'_>, allowed: &Allowed) -> Option<Self> {
         let wide = f64::decode(at, allowed)?;
         let narrow = wide as Self;
-        if allowed.holds(f64::from(narrow)) {
+        if allowed.holds(f64::from(narrow)) || allowed.ends_at(narrow) {
             return Some(narrow);
         }
         at.problem(format!("found {}, which single precision rounds to {narrow}", at.found()), None);

@@ -93,6 +93,11 @@ impl Allowed {
         number.is_finite() && low && high && !(self.nonzero && number == 0.0)
     }
 
+    /// Whether a number is what single precision makes of a limit that is allowed itself.
+    pub(super) fn ends_at(&self, number: f32) -> bool {
+        (!self.above && number == self.min as f32) || (!self.below && number == self.max as f32)
+    }
+
     /// `what` and its range in words, such as `a number above 0`.
     pub(super) fn words(&self, what: &str) -> String {
         let low = self.min.is_finite().then_some(if self.above { "above" } else { "of at least" });
