@@ -181,7 +181,7 @@ fn what_is_missing_is_said_with_its_line() {
     let found = scene(inner).unwrap();
     assert_eq!(notes(&found), expected);
     let lines: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
-    assert!(lines[0].ends_with("scene.xml:3: untranslated: a shape of type \"hair\""));
+    assert!(lines[0].ends_with("scene.xml:3: not translated: a shape of type \"hair\""));
     assert!(lines[5].contains("scene.xml:8: differs: reflectance"));
     assert_eq!(found.document["materials"]["b"], json!({"type": "null"}));
     assert_eq!(found.document["materials"]["d"]["reflectance"], json!([1.0, 1.0, 0.0]));
