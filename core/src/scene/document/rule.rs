@@ -95,7 +95,8 @@ impl Allowed {
 
     /// Whether a number is what single precision makes of a limit that is allowed itself.
     pub(super) fn ends_at(&self, number: f32) -> bool {
-        (!self.above && number == self.min as f32) || (!self.below && number == self.max as f32)
+        let is_end = |is_allowed: bool, end: f64| is_allowed && end.is_finite() && number == end as f32;
+        is_end(!self.above, self.min) || is_end(!self.below, self.max)
     }
 
     /// `what` and its range in words, such as `a number above 0`.
