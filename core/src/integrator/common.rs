@@ -2,6 +2,7 @@
 
 use super::paths::Paths;
 use super::vertex::Vertex;
+use crate::film::Counters;
 use crate::light::{LightSample, Target};
 use crate::math::{Ray, offset_origin};
 use crate::scene::{Interiors, Scene, Strategy};
@@ -63,5 +64,15 @@ pub(super) fn behind(scene: &Scene, vertex: &Vertex<'_>, paths: &Paths, path: us
         Some(&interiors) if vertex.passes(wi) => scene.beyond(interiors, vertex.surface, wi),
         Some(&interiors) => interiors,
         None => Interiors::OUTSIDE,
+    }
+}
+
+/// Finds the shadow rays that something whole is in the way of.
+pub(super) fn find_blocked(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
+    counters.shadow_rays += paths.shadows.len() as u64;
+    let Paths { shadows, blocked, marching, .. } = paths;
+    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, marching);
+    for (shadow, &spent) in shadows.iter().zip(&marching.spent) {
+        paths.evaluations[shadow.path as usize] += spent;
     }
 }

@@ -12,7 +12,7 @@
 //! Strategies other than [`Strategy::Both`] sample lights where paths are scattered instead, as surfaces do, and must give
 //! the same pictures.
 
-use super::common::{note_features, power_heuristic, scattered_weight, shadow_ray_from};
+use super::common::{find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from};
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
 use crate::bsdf::BsdfSample;
@@ -316,12 +316,7 @@ fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Opt
 
 /// Traces the queued shadow rays and adds what arrives through media.
 pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
-    counters.shadow_rays += paths.shadows.len() as u64;
-    let Paths { shadows, blocked, marching, .. } = paths;
-    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, marching);
-    for (shadow, &spent) in shadows.iter().zip(&marching.spent) {
-        paths.evaluations[shadow.path as usize] += spent;
-    }
+    find_blocked(scene, paths, counters);
     for at in 0..paths.shadows.len() {
         if paths.blocked[at] {
             continue;

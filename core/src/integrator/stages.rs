@@ -1,7 +1,9 @@
 //! Owns the stages: loops over the paths that are alive.
 
 use super::Wave;
-use super::common::{behind, note_features, power_heuristic, scattered_weight, shadow_ray_from};
+use super::common::{
+    behind, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from,
+};
 use super::media;
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
@@ -244,12 +246,7 @@ fn scatter(
 
 /// Traces the queued shadow rays and adds what arrives.
 pub(super) fn shadow(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
-    counters.shadow_rays += paths.shadows.len() as u64;
-    let Paths { shadows, blocked, marching, .. } = paths;
-    scene.occluded_all(shadows.iter().map(|shadow| shadow.ray), blocked, marching);
-    for (shadow, &spent) in shadows.iter().zip(&marching.spent) {
-        paths.evaluations[shadow.path as usize] += spent;
-    }
+    find_blocked(scene, paths, counters);
     for at in 0..paths.shadows.len() {
         if paths.blocked[at] {
             continue;
