@@ -4,7 +4,8 @@ use glam::{DVec3, Vec3};
 
 use crate::math::Aabb;
 
-use super::object::{Resolved, Sdf};
+use super::object::Sdf;
+use super::pace::{Course, Limits, Pace, blur};
 use super::root::{End, Search};
 use std::ops::ControlFlow::{self, Break, Continue};
 
@@ -34,12 +35,6 @@ impl MarchStats {
         self.brackets += other.brackets;
     }
 }
-
-/// Unit roundoff of f32.
-pub(super) const ROUNDOFF: f32 = 1.0 / 16_777_216.0;
-
-/// Memory of the slope estimate: the weight of the newest step.
-const SLOPE_WEIGHT: f32 = 0.3;
 
 /// A ray inside the bounds of its object: unit direction, distances counted from where it enters.
 #[derive(Debug, Clone, Copy)]
@@ -90,32 +85,13 @@ impl Segment {
 }
 
 /// One ray on its way: a machine that asks for the value at a distance and is told it, so that one ray or eight may be
-/// served at a time. Values are multiplied by `side`, so that the march always comes from positive values.
+/// served at a time.
 #[derive(Debug, Clone)]
 pub(super) struct March {
     segment: Segment,
-    side: f32,
-    /// Half the least step per unit of distance travelled.
-    epsilon: f32,
-    /// Where the next value is asked for, counted from the start of the segment.
-    at: f32,
+    pace: Pace<f32>,
     phase: Phase,
-    here: End,
-    /// Least step from here.
-    least: f32,
-    /// The step that is being made.
-    step: f32,
-    /// Estimated change of the value with the distance; unknown until the first step has measured it.
-    slope: f32,
-    /// What steps are multiplied with since one was too long.
-    caution: f32,
-    /// Whether the step is longer than the value promises.
-    relaxed: bool,
-    /// Whether the step is the least one, which goes through surfaces on purpose.
-    deliberate: bool,
-    steps: u32,
     evaluations: u32,
-    nearest: Nearest,
     search: Search,
 }
 
@@ -139,30 +115,15 @@ impl March {
     /// `epsilon` is half the least step per unit of distance travelled: the march steps through the surface on
     /// purpose, and what it brackets by a change of sign is refined. Features thinner than twice that may be skipped.
     pub(super) fn new(segment: Segment, epsilon: f32) -> Self {
+        let course = Course { side: 1.0, epsilon, start: segment.start as f32, length: segment.length };
         let here = End { at: 0.0, value: 0.0 };
-        Self {
-            segment,
-            side: 1.0,
-            epsilon,
-            at: 0.0,
-            phase: Phase::Leave,
-            here,
-            least: 0.0,
-            step: 0.0,
-            slope: f32::NAN,
-            caution: 1.0,
-            relaxed: false,
-            deliberate: false,
-            steps: 0,
-            evaluations: 0,
-            nearest: Nearest::default(),
-            search: Search::new(here, here, 0.0),
-        }
+        let search = Search::new(here, here, 0.0);
+        Self { segment, pace: Pace::new(course), phase: Phase::Leave, evaluations: 0, search }
     }
 
     /// Where the next value is asked for.
     pub(super) fn point(&self) -> Vec3 {
-        self.segment.origin + self.segment.dir * self.at
+        self.segment.origin + self.segment.dir * self.pace.at
     }
 
     /// The ray.
@@ -170,9 +131,19 @@ impl March {
         &self.segment
     }
 
-    /// Where the next value is asked for, counted from the start of the segment.
-    pub(super) fn at(&self) -> f32 {
-        self.at
+    /// How it approaches the surface.
+    pub(super) fn pace(&self) -> &Pace<f32> {
+        &self.pace
+    }
+
+    /// Puts it where it is by a pace that went on without it.
+    pub(super) fn resume(&mut self, pace: Pace<f32>) {
+        self.pace = pace;
+    }
+
+    /// Whether [`Pace::go_on`] may serve it.
+    pub(super) fn is_running(&self) -> bool {
+        self.phase == Phase::Run
     }
 
     /// Values that it was told so far.
@@ -184,8 +155,7 @@ impl March {
     #[inline]
     pub(super) fn tell(&mut self, sdf: &Sdf, value: f32, noise: f32, stats: &mut MarchStats) -> Next {
         self.evaluations += 1;
-        // Nothing here makes NaN from finite points; if it did, the ray must still end.
-        let value = if value.is_nan() { 0.0 } else { self.side * value };
+        let value = self.pace.seen(value);
         match self.phase {
             Phase::Leave => self.leave(sdf, value, noise, stats),
             Phase::Run => self.run(sdf, value, noise, stats),
@@ -194,14 +164,6 @@ impl March {
                 self.refine()
             }
         }
-    }
-
-    /// The least step from a place along the ray where a value has a rounding error.
-    #[inline]
-    fn least_step(&self, resolved: &Resolved, noise: f32) -> f32 {
-        let travelled = self.segment.start as f32 + self.at;
-        let derived = (self.epsilon * travelled).min(resolved.largest_hit_epsilon);
-        (2.0 * resolved.hit_epsilon.unwrap_or(derived)).max(4.0 * blur(self.at, noise))
     }
 
     /// Decides from which side the ray comes, and starts at the first distance where its value is clearly on that side.
@@ -213,124 +175,82 @@ impl March {
         // The inside of a fractal has no values below its level: a start there is on the surface, or near it.
         let floor = 4.0 * noise;
         let reach = if level > 0.0 { 16.0 * level } else { f32::INFINITY };
-        if (-floor.max(level)..floor).contains(&value) && self.at < reach {
-            self.step = if self.at == 0.0 { floor.max(level / 16.0) } else { 2.0 * self.step };
-            self.at += self.step;
-            return if self.at > self.segment.length { Break(None) } else { Continue(()) };
+        let pace = &mut self.pace;
+        if (-floor.max(level)..floor).contains(&value) && pace.at < reach {
+            pace.step = if pace.at == 0.0 { floor.max(level / 16.0) } else { 2.0 * pace.step };
+            pace.at += pace.step;
+            return if pace.at > pace.course.length { Break(None) } else { Continue(()) };
         }
         if value < 0.0 {
-            self.side = -1.0;
+            pace.course.side = -1.0;
         }
         self.phase = Phase::Run;
-        self.here = End { at: self.at, value: value.abs() };
-        self.least = self.least_step(sdf.resolved(), noise);
-        self.step = self.here.value;
-        self.plan(sdf.resolved(), stats)
+        (pace.here, pace.value, pace.step) = (pace.at, value.abs(), value.abs());
+        pace.least = pace.least_step(sdf.limits(), noise);
+        self.plan(sdf.limits(), stats)
     }
 
-    /// Auto-relaxed sphere tracing (Bálint and Valasek 2018) from a positive value to the first bracketed root.
-    ///
-    /// The step is the one after which the spheres around both ends just touch, were the surface a plane of the
-    /// estimated slope; where they do not overlap, the plain step is taken instead.
+    /// Steps towards the first bracketed root.
     #[inline]
     fn run(&mut self, sdf: &Sdf, value: f32, noise: f32, stats: &mut MarchStats) -> Next {
-        let fractal = sdf.tape().level().is_some();
-        let (here, there) = (self.here, End { at: self.at, value });
-        let free = here.value + there.value.abs();
-        let overlap = there.at - here.at <= free * (1.0 + 8.0 * ROUNDOFF) + 4.0 * noise;
-        if self.relaxed && !overlap {
-            (self.slope, self.step) = (-1.0, here.value * self.caution);
-            return self.plan(sdf.resolved(), stats);
+        let (pace, usual) = self.pace.go_on(sdf.limits(), value, noise);
+        if usual {
+            self.pace = pace;
+            return Continue(());
         }
-        // Exactly 0 is not inside: a solid less itself is 0 all over its surface.
-        if there.value < 0.0 {
-            if fractal && !self.deliberate {
+        self.come_to(sdf, value, noise, stats)
+    }
+
+    /// Does what is left when [`Pace::go_on`] does not know how.
+    fn come_to(&mut self, sdf: &Sdf, value: f32, noise: f32, stats: &mut MarchStats) -> Next {
+        let (limits, pace) = (sdf.limits(), &mut self.pace);
+        if pace.too_far(value, noise) {
+            *pace = pace.backward();
+            return self.plan(limits, stats);
+        }
+        if value < 0.0 {
+            if sdf.tape().level().is_some() && !pace.is_deliberate() {
                 stats.overshoots += 1;
-                self.caution = 0.25;
-                (self.slope, self.step) = (-1.0, 0.25 * self.step);
-                return self.plan(sdf.resolved(), stats);
+                pace.caution = 0.25;
+                (pace.slope, pace.step) = (-1.0, 0.25 * pace.step);
+                return self.plan(limits, stats);
             }
             stats.brackets += 1;
             self.phase = Phase::Refine;
+            let (here, there) = (End { at: pace.here, value: pace.value }, End { at: pace.at, value });
             self.search = Search::new(here, there, 4.0 * blur(there.at, noise));
             return self.refine();
         }
-        if there.at >= self.segment.length {
+        if pace.at >= pace.course.length {
             return Break(None);
         }
-        self.least = self.least_step(sdf.resolved(), noise);
-        self.nearest.offer(there, self.least, self.segment.start as f32);
-        let measured = (there.value - here.value) / (there.at - here.at);
-        self.slope =
-            if self.slope.is_nan() { measured } else { self.slope + SLOPE_WEIGHT * (measured - self.slope) };
-        // Without a proven bound a long step is a gamble.
-        let steepest = if fractal { 0.5 } else { 0.99 };
-        self.step = self.caution * 2.0 * there.value / (1.0 - self.slope.clamp(-1.0, steepest));
-        self.here = there;
-        self.plan(sdf.resolved(), stats)
+        *pace = pace.forward(limits, value, noise);
+        self.plan(limits, stats)
     }
 
-    /// Plans the next step from here, of about `self.step`.
+    /// Plans the next step from here, of about the pace's step.
     #[inline]
-    fn plan(&mut self, resolved: &Resolved, stats: &mut MarchStats) -> Next {
-        if self.steps == resolved.max_steps {
+    fn plan(&mut self, limits: &Limits, stats: &mut MarchStats) -> Next {
+        let pace = &mut self.pace;
+        if pace.is_spent(limits) {
             stats.exhausted += 1;
-            let nearest = &self.nearest;
+            let nearest = &pace.nearest;
             // A ray that would not get there on the rest of its way has hit nothing, however close it came.
-            let arrives = -self.slope * (self.segment.length - self.here.at) >= self.here.value;
+            let arrives = -pace.slope * (pace.course.length - pace.here) >= pace.value;
             let hit = arrives && nearest.value <= nearest.least;
             return Break(hit.then_some(nearest.at));
         }
-        self.steps += 1;
-        self.step = self.step.min(resolved.step_clamp).max(self.least);
-        // Decided on the step as planned: its end is rounded.
-        self.relaxed = self.step > self.here.value.max(self.least);
-        self.deliberate = self.step <= self.least;
-        self.at = (self.here.at + self.step).min(self.segment.length);
+        *pace = pace.planned(limits);
         Continue(())
     }
 
     fn refine(&mut self) -> Next {
         match self.search.next() {
             Continue(at) => {
-                self.at = at;
+                self.pace.at = at;
                 Continue(())
             }
             Break(root) => Break(Some(root)),
-        }
-    }
-}
-
-/// What rounding hides along the ray: the error of a value, or of the distance itself.
-fn blur(at: f32, noise: f32) -> f32 {
-    noise.max(ROUNDOFF * at)
-}
-
-/// Where a ray came closest to a surface, as seen from its origin (Keinert et al. 2014): the answer when steps run
-/// out.
-#[derive(Debug, Clone)]
-struct Nearest {
-    at: f32,
-    value: f32,
-    /// The least step from there.
-    least: f32,
-    /// Distance from the ray's own origin.
-    travelled: f32,
-}
-
-impl Default for Nearest {
-    fn default() -> Self {
-        Self { at: 0.0, value: f32::INFINITY, least: 0.0, travelled: 1.0 }
-    }
-}
-
-impl Nearest {
-    #[inline]
-    fn offer(&mut self, end: End, least: f32, start: f32) {
-        let travelled = start + end.at;
-        // Which of two angles is smaller, without dividing.
-        if end.value * self.travelled < self.value * travelled {
-            *self = Self { at: end.at, value: end.value, least, travelled };
         }
     }
 }

@@ -12,6 +12,7 @@ mod march;
 mod node;
 mod noise;
 mod object;
+mod pace;
 mod packet;
 mod prune;
 mod real;

@@ -10,7 +10,8 @@ use crate::math::Aabb;
 use super::cells::{Cells, EVERYWHERE};
 use super::closed::{ClosedForm, Ray};
 use super::error::{SdfError, require};
-use super::march::{March, MarchStats, ROUNDOFF, Segment};
+use super::march::{March, MarchStats, Segment};
+use super::pace::{Limits, ROUNDOFF};
 use super::packet;
 use super::real::{Dual, Point, Real};
 use super::tape::Tape;
@@ -56,6 +57,7 @@ pub struct Sdf {
     cells: Option<Cells>,
     bounds: Aabb,
     resolved: Resolved,
+    limits: Limits,
     /// What rays are answered by, where there is one.
     closed: Option<ClosedForm>,
 }
@@ -93,7 +95,8 @@ impl Sdf {
         let bounds = Aabb { min: bounds.min - margin, max: bounds.max + margin };
         let cells = Cells::new(&tape, bounds);
         let closed = ClosedForm::of(tape.ops());
-        Ok(Self { tape, cells, bounds, resolved, closed })
+        let limits = Limits::new(&resolved, tape.level().is_some());
+        Ok(Self { tape, cells, bounds, resolved, limits, closed })
     }
 
     /// The box that rays are clipped to, in object space: a little larger than the object.
@@ -104,6 +107,11 @@ impl Sdf {
     /// The distance function.
     pub fn tape(&self) -> &Tape {
         &self.tape
+    }
+
+    /// The limits of steps.
+    pub(super) fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     /// The settings in force.

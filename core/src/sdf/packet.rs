@@ -6,6 +6,7 @@ use wide::{f32x8, u32x8};
 
 use super::march::{March, MarchStats};
 use super::object::Sdf;
+use super::pace::{Course, Pace};
 use super::real::Point;
 
 /// Rays that are marched at a time.
@@ -21,28 +22,46 @@ pub(super) fn first_hits<N: Copy>(
     stats: &mut MarchStats,
     mut ended: impl FnMut(N, Option<f32>, u32),
 ) {
+    let idle = Pace::new(Course { side: 0.0, epsilon: 0.0, start: 0.0, length: 0.0 });
+    let mut rays = Rays::new(&idle);
     let mut lanes: [Option<(N, March)>; LANES] = std::array::from_fn(|_| marches.next());
-    let mut rays = Rays::default();
     for (lane, taken) in lanes.iter().enumerate() {
         if let Some((_, march)) = taken {
-            rays.set(lane, march);
+            rays.begin(lane, march);
         }
     }
-    while lanes.iter().any(Option::is_some) {
+    // Every round tells every lane one value.
+    let (mut round, mut begun) = (0_u32, [0_u32; LANES]);
+    loop {
+        let taken = bits(lanes.each_ref().map(Option::is_some));
+        if taken == 0 {
+            return;
+        }
         let point = rays.points();
-        let values = sdf.distances(point, bits(lanes.each_ref().map(Option::is_some))).to_array();
-        let noises = sdf.noises(point).to_array();
-        for (lane, slot) in lanes.iter_mut().enumerate() {
-            let Some((name, march)) = slot else { continue };
+        let (values, noises) = (sdf.distances(point, taken), sdf.noises(point));
+        round = round.wrapping_add(1);
+        let before = rays.pace;
+        let gone_on = rays.go_on(sdf, values, noises);
+        let (values, noises) = (values.to_array(), noises.to_array());
+        for lane in (0..LANES).filter(|lane| gone_on >> lane & 1 == 0) {
+            let Some((name, march)) = &mut lanes[lane] else {
+                rays.pace.set(lane, &idle);
+                continue;
+            };
+            if march.is_running() {
+                march.resume(before.lane(lane));
+            }
             match march.tell(sdf, values[lane], noises[lane], stats) {
-                ControlFlow::Continue(()) => rays.at[lane] = march.at(),
+                ControlFlow::Continue(()) => rays.set(lane, march),
                 ControlFlow::Break(hit) => {
+                    let evaluations = round.wrapping_sub(begun[lane]);
                     stats.rays += 1;
-                    stats.evaluations += u64::from(march.evaluations());
-                    ended(*name, hit.map(|at| march.segment().reached(at)), march.evaluations());
-                    *slot = marches.next();
-                    if let Some((_, march)) = slot {
-                        rays.set(lane, march);
+                    stats.evaluations += u64::from(evaluations);
+                    ended(*name, hit.map(|at| march.segment().reached(at)), evaluations);
+                    begun[lane] = round;
+                    lanes[lane] = marches.next();
+                    if let Some((_, march)) = &lanes[lane] {
+                        rays.begin(lane, march);
                     }
                 }
             }
@@ -50,30 +69,53 @@ pub(super) fn first_hits<N: Copy>(
     }
 }
 
-/// The rays of all lanes by coordinate; those of idle lanes stay where they were.
-#[derive(Default)]
+/// The rays of all lanes by coordinate.
 struct Rays {
     origin: [[f32; LANES]; 3],
     dir: [[f32; LANES]; 3],
-    at: [f32; LANES],
+    pace: Pace<f32x8>,
+    /// Lanes that [`Pace::go_on`] may serve, as bits.
+    running: u32,
 }
 
 impl Rays {
-    fn set(&mut self, lane: usize, march: &March) {
+    fn new(idle: &Pace<f32>) -> Self {
+        let course =
+            Course { side: f32x8::ZERO, epsilon: f32x8::ZERO, start: f32x8::ZERO, length: f32x8::ZERO };
+        let mut pace = Pace::new(course);
+        (0..LANES).for_each(|lane| pace.set(lane, idle));
+        Self { origin: Default::default(), dir: Default::default(), pace, running: 0 }
+    }
+
+    /// Gives a lane a new march.
+    fn begin(&mut self, lane: usize, march: &March) {
         let segment = march.segment();
         for axis in 0..3 {
             self.origin[axis][lane] = segment.origin[axis];
             self.dir[axis][lane] = segment.dir[axis];
         }
-        self.at[lane] = march.at();
+        self.set(lane, march);
+    }
+
+    /// Puts a lane where its march is.
+    fn set(&mut self, lane: usize, march: &March) {
+        self.pace.set(lane, march.pace());
+        self.running = self.running & !(1 << lane) | u32::from(march.is_running()) << lane;
     }
 
     /// What [`March::point`] is for every lane.
     fn points(&self) -> Point<f32x8> {
-        let at = f32x8::new(self.at);
-        let [x, y, z] =
-            std::array::from_fn(|axis| f32x8::new(self.origin[axis]) + f32x8::new(self.dir[axis]) * at);
+        let [x, y, z] = std::array::from_fn(|axis| {
+            f32x8::new(self.origin[axis]) + f32x8::new(self.dir[axis]) * self.pace.at
+        });
         Point::new(x, y, z)
+    }
+
+    /// Lets all lanes go on; those that did, as bits. What the others have now means nothing.
+    fn go_on(&mut self, sdf: &Sdf, values: f32x8, noises: f32x8) -> u32 {
+        let (pace, usual) = self.pace.go_on(sdf.limits(), self.pace.seen(values), noises);
+        self.pace = pace;
+        usual.to_bitmask() & self.running
     }
 }
 

@@ -12,9 +12,10 @@ use glam::DVec3;
 use self::crossings::{Crossing, Stack};
 pub(super) use self::line::{Line, Span};
 use self::solid::{Frame, Placed};
-use super::march::{MarchStats, ROUNDOFF};
+use super::march::MarchStats;
 use super::node::{Operator, Space};
 use super::object::Sdf;
+use super::pace::ROUNDOFF;
 use super::real::Point;
 use super::tape::Op;
 

@@ -2,7 +2,7 @@
 
 use wide::{bytemuck, f32x8, i32x8, u32x8};
 
-use super::{Lattice, Point, Real};
+use super::{Lattice, Logic, Point, Real};
 use crate::sdf::noise;
 
 impl Real for f32x8 {
@@ -68,6 +68,25 @@ impl Real for f32x8 {
     #[inline]
     fn any(mask: Self) -> bool {
         mask.any()
+    }
+}
+
+impl Logic for f32x8 {
+    #[inline]
+    fn both(a: Self, b: Self) -> Self {
+        a & b
+    }
+    #[inline]
+    fn either(a: Self, b: Self) -> Self {
+        a | b
+    }
+    #[inline]
+    fn not(a: Self) -> Self {
+        !a
+    }
+    #[inline]
+    fn is_nan(self) -> Self {
+        self.is_nan()
     }
 }
 

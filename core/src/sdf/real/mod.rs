@@ -69,6 +69,18 @@ pub trait Real:
     fn any(mask: Self::Mask) -> bool;
 }
 
+/// A [`Real`] whose comparisons can be combined.
+pub(super) trait Logic: Real {
+    /// Where both hold.
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Where at least one holds.
+    fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Where it does not hold.
+    fn not(a: Self::Mask) -> Self::Mask;
+    /// Where this is no number.
+    fn is_nan(self) -> Self::Mask;
+}
+
 /// A [`Real`] that can be asked for the gradients in the corners of a lattice.
 pub(super) trait Lattice: Real {
     /// What the corners of a cell have in common.

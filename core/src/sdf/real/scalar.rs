@@ -2,7 +2,7 @@
 
 use wide::f32x8;
 
-use super::{Lattice, Point, Real};
+use super::{Lattice, Logic, Point, Real};
 use crate::sdf::noise;
 
 /// What both kinds of numbers have in common.
@@ -48,6 +48,25 @@ macro_rules! plain {
             mask
         }
     };
+}
+
+impl Logic for f32 {
+    #[inline]
+    fn both(a: bool, b: bool) -> bool {
+        a & b
+    }
+    #[inline]
+    fn either(a: bool, b: bool) -> bool {
+        a | b
+    }
+    #[inline]
+    fn not(a: bool) -> bool {
+        !a
+    }
+    #[inline]
+    fn is_nan(self) -> bool {
+        self.is_nan()
+    }
 }
 
 macro_rules! lattice {
