@@ -12,7 +12,9 @@
 //! Strategies other than [`Strategy::Both`] sample lights where paths are scattered instead, as surfaces do, and must give
 //! the same pictures.
 
-use super::common::{find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from};
+use super::common::{
+    find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
+};
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
 use crate::bsdf::BsdfSample;
@@ -282,7 +284,7 @@ fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Opt
     let path = place.path as usize;
     let sampler = paths.samplers[path];
     if bounce + 1 >= scene.roulette_depth() {
-        let survive = (paths.beta[path].max_element() * paths.eta2[path]).min(0.95);
+        let survive = survival(paths.beta[path], paths.eta2[path]);
         if sampler.get_1d(Decision::Roulette(bounce)) >= survive {
             return false;
         }

@@ -2,7 +2,7 @@
 
 use super::Wave;
 use super::common::{
-    behind, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from,
+    behind, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
 };
 use super::media;
 use super::paths::{Paths, ShadowRay};
@@ -221,10 +221,9 @@ fn scatter(
     let Some(wi) = vertex.to_world(sample.wi) else { return false };
     let mut beta = paths.beta[path] * sample.weight;
     let eta2 = paths.eta2[path] * sample.eta2;
-    // Russian roulette: dim paths end early, the others are raised by as much as they risked. Inside glass radiance is
-    // denser by η², and the path as bright as it will be outside again.
+    // Russian roulette: dim paths end early, the others are raised by as much as they risked.
     if bounce + 1 >= scene.roulette_depth() {
-        let survive = (beta.max_element() * eta2).min(0.95);
+        let survive = survival(beta, eta2);
         if sampler.get_1d(Decision::Roulette(bounce)) >= survive {
             return false;
         }
