@@ -1,6 +1,6 @@
 //! Owns building: obvhs' binary tree, collapsed to eight children a node by the surface-area heuristic.
 
-use super::{Bvh, LEAF, LEAF_SIZE_SHIFT, LEAF_START, MAX_LEAF, NONE, Node};
+use super::{Bvh, LEAF, LEAF_SIZE_SHIFT, LEAF_START, NONE, Node};
 use crate::math::Aabb;
 use obvhs::aabb::Aabb as Box2;
 use obvhs::bvh2::Bvh2;
@@ -14,38 +14,65 @@ pub enum BuildError {
     #[error("the box of primitive {0} is empty or not finite")]
     BadBox(usize),
     /// More primitives than slots can number.
-    #[error("{0} primitives; at most {LEAF_START} are allowed")]
+    #[error("{0} primitives or more; fewer than {LEAF_START} are allowed")]
     TooMany(usize),
 }
 
-/// Cost of a node against the cost of a primitive, in the surface-area heuristic.
-const NODE_COST: f32 = 1.0;
-const PRIMITIVE_COST: f32 = 0.5;
+/// What a leaf costs against the eight boxes of a node, in the surface-area heuristic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Costs {
+    /// A leaf, whatever is in it.
+    pub leaf: f32,
+    /// A primitive more.
+    pub primitive: f32,
+    /// Most primitives of a leaf, up to 8.
+    pub most: u32,
+}
+
+impl Costs {
+    /// Of `count` primitives in a leaf.
+    fn of(self, count: u32) -> f32 {
+        if count <= self.most { self.leaf + self.primitive * count as f32 } else { f32::INFINITY }
+    }
+}
 
 impl Bvh {
+    /// Whether a tree can be built with a box as its primitive of this number.
+    ///
+    /// # Errors
+    /// The box is empty or not finite, or there are too many before it.
+    pub fn check(number: usize, it: &Aabb) -> Result<(), BuildError> {
+        if number >= LEAF_START as usize - 1 {
+            return Err(BuildError::TooMany(number + 1));
+        }
+        if it.is_empty() || !it.is_finite() { Err(BuildError::BadBox(number)) } else { Ok(()) }
+    }
+
+    /// The tree over nothing.
+    pub(super) fn empty() -> Self {
+        let nodes = vec![Node::EMPTY];
+        Self { nodes, slots: Vec::new(), root: 0, bounds: Aabb::EMPTY, waiting: 0 }
+    }
+
     /// Builds the tree over boxes.
     ///
     /// # Errors
     /// Names the first box that is empty or not finite, or says that there are too many.
-    pub fn build(boxes: &[Aabb]) -> Result<Self, BuildError> {
-        if boxes.len() >= LEAF_START as usize {
-            return Err(BuildError::TooMany(boxes.len()));
+    pub fn build(boxes: &[Aabb], costs: Costs) -> Result<Self, BuildError> {
+        for (number, it) in boxes.iter().enumerate() {
+            Self::check(number, it)?;
         }
-        if let Some(bad) = boxes.iter().position(|b| b.is_empty() || !b.is_finite()) {
-            return Err(BuildError::BadBox(bad));
+        if boxes.is_empty() {
+            return Ok(Self::empty());
         }
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-        let mut out = Self { nodes: Vec::new(), slots: Vec::new(), root: NONE, bounds };
-        if boxes.is_empty() {
-            out.nodes.push(Node::EMPTY);
-            out.root = 0;
-            return Ok(out);
-        }
+        let mut out = Self { nodes: Vec::new(), slots: Vec::new(), root: NONE, bounds, waiting: 0 };
         let binary = build_binary(boxes);
-        let choices = choose(&binary);
+        let choices = choose(&binary, costs);
         let mut emit = Emit { binary: &binary, choices: &choices, out: &mut out };
         let root = if choices[0].is_leaf { emit.leaf(0) } else { emit.node(0) };
         out.root = root;
+        out.waiting = out.most_waiting(root);
         Ok(out)
     }
 }
@@ -76,7 +103,7 @@ struct Choice {
 }
 
 /// Dynamic program from the leaves up (Ylitie et al. 2017, section 3.1).
-fn choose(binary: &Bvh2) -> Vec<Choice> {
+fn choose(binary: &Bvh2, costs: Costs) -> Vec<Choice> {
     let mut order = Vec::with_capacity(binary.nodes.len());
     let mut stack = vec![0];
     while let Some(index) = stack.pop() {
@@ -88,16 +115,16 @@ fn choose(binary: &Bvh2) -> Vec<Choice> {
     }
     let mut choices = vec![Choice::default(); binary.nodes.len()];
     for &index in order.iter().rev() {
-        choices[index] = choose_node(binary, &choices, index);
+        choices[index] = choose_node(binary, &choices, index, costs);
     }
     choices
 }
 
-fn choose_node(binary: &Bvh2, choices: &[Choice], index: usize) -> Choice {
+fn choose_node(binary: &Bvh2, choices: &[Choice], index: usize, costs: Costs) -> Choice {
     let node = &binary.nodes[index];
     let area = node.aabb().half_area();
     if node.is_leaf() {
-        let cost = area * PRIMITIVE_COST * node.prim_count as f32;
+        let cost = area * costs.of(node.prim_count);
         return Choice { cost: [cost; 7], left: [0; 8], is_leaf: true, primitives: node.prim_count };
     }
     let (l, r) = (&choices[node.first_index as usize], &choices[node.first_index as usize + 1]);
@@ -111,12 +138,8 @@ fn choose_node(binary: &Bvh2, choices: &[Choice], index: usize) -> Choice {
     // One place: a leaf, or a node of its own that spends all eight places.
     let (children, left) = best_split(8);
     out.left[7] = left;
-    let as_node = children + area * NODE_COST;
-    let as_leaf = if out.primitives <= MAX_LEAF {
-        area * PRIMITIVE_COST * out.primitives as f32
-    } else {
-        f32::INFINITY
-    };
+    let as_node = children + area;
+    let as_leaf = area * costs.of(out.primitives);
     out.is_leaf = as_leaf <= as_node;
     out.cost[0] = as_leaf.min(as_node);
     // More places: split them, unless fewer are as good.

@@ -5,11 +5,12 @@
 //! nothing leaks between two boxes.
 
 mod build;
+mod leaf;
 mod traverse;
 pub mod triangle;
 
-pub use build::BuildError;
-pub use traverse::RayBoxes;
+pub use build::{BuildError, Costs};
+pub use traverse::{Cast, RayBoxes};
 
 use crate::math::Aabb;
 
@@ -17,10 +18,8 @@ use crate::math::Aabb;
 const LEAF: u32 = 1 << 31;
 const LEAF_SIZE_SHIFT: u32 = 28;
 const LEAF_START: u32 = (1 << LEAF_SIZE_SHIFT) - 1;
-/// Most primitives of a leaf.
-const MAX_LEAF: u32 = 4;
-/// A child that does not exist: its box is empty and is never hit.
-const NONE: u32 = LEAF;
+/// A child that does not exist: its box is empty and is never hit. No leaf begins at so high a slot.
+const NONE: u32 = u32::MAX;
 
 /// Eight children: boxes as min x, max x, min y, … of all, and what they are.
 #[derive(Debug, Clone)]
@@ -54,12 +53,35 @@ pub struct Bvh {
     slots: Vec<u32>,
     root: u32,
     bounds: Aabb,
+    /// Most children that wait while one is visited.
+    waiting: usize,
 }
 
 impl Bvh {
     /// The primitive of each slot.
     pub fn slots(&self) -> &[u32] {
         &self.slots
+    }
+
+    /// First slot and size of every leaf, in the order of the slots.
+    fn leaves(&self) -> Vec<(u32, u32)> {
+        let children = self.nodes.iter().flat_map(|node| node.child);
+        let codes = children.chain([self.root]).filter(|&code| code & LEAF != 0 && code != NONE);
+        let mut leaves: Vec<_> = codes.map(range).collect();
+        leaves.sort_unstable();
+        leaves
+    }
+
+    /// Most children that wait while one below a child is visited: all others of every node on the way.
+    fn most_waiting(&self, code: u32) -> usize {
+        if code & LEAF != 0 {
+            return 0;
+        }
+        let children = self.nodes[code as usize].child.into_iter().filter(|&child| child != NONE);
+        let (count, deepest) = children.fold((0, 0), |(count, deepest): (usize, usize), child| {
+            (count + 1, deepest.max(self.most_waiting(child)))
+        });
+        count.saturating_sub(1) + deepest
     }
 
     /// The box around everything.
@@ -71,4 +93,10 @@ impl Bvh {
     pub fn bytes(&self) -> usize {
         self.nodes.len() * size_of::<Node>() + self.slots.len() * size_of::<u32>()
     }
+}
+
+/// First slot and size of a leaf.
+#[inline]
+fn range(code: u32) -> (u32, u32) {
+    (code & LEAF_START, (code >> LEAF_SIZE_SHIFT & 7) + 1)
 }

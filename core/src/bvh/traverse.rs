@@ -1,6 +1,7 @@
 //! Owns walking the tree, nearest child first.
 
-use super::{Bvh, LEAF, LEAF_SIZE_SHIFT, LEAF_START};
+use super::leaf::Shear;
+use super::{Bvh, LEAF, range};
 use crate::math::gamma;
 use glam::Vec3;
 use wide::f32x8;
@@ -26,14 +27,35 @@ impl RayBoxes {
     }
 }
 
+/// A ray prepared for trees: once for all that are in the same space.
+#[derive(Debug, Clone, Copy)]
+pub struct Cast {
+    pub(super) boxes: RayBoxes,
+    pub(super) shear: Shear,
+}
+
+impl Cast {
+    /// Prepares a ray.
+    pub fn new(origin: Vec3, direction: Vec3) -> Self {
+        Self { boxes: RayBoxes::new(origin, direction), shear: Shear::new(origin, direction) }
+    }
+
+    /// What the boxes of a tree are tested with.
+    pub fn boxes(&self) -> &RayBoxes {
+        &self.boxes
+    }
+}
+
 /// 1/d, finite for d = ±0 so that 0 · (1/d) never makes NaN.
 fn reciprocal(d: f32) -> f32 {
     let r = 1.0 / d;
     if r.is_finite() { r } else { f32::MAX.copysign(d) }
 }
 
-/// Entries that can wait on the stack: seven a level of the wide tree, on any level that 2²⁸ primitives reach.
-const STACK: usize = 256;
+/// Entries for which there is room at once. Clearing that room takes time with every ray, so trees that need less get less.
+const SHALLOW: usize = 40;
+/// Seven a level of the wide tree, on any level that 2²⁸ primitives reach.
+const DEEP: usize = 256;
 
 impl Bvh {
     /// Calls `leaf(first_slot, count, t_max)` for the leaves that the ray meets within `t_max`, nearer boxes first.
@@ -45,40 +67,63 @@ impl Bvh {
         &self,
         ray: &RayBoxes,
         t_max: &mut f32,
+        leaf: impl FnMut(u32, u32, &mut f32) -> bool,
+    ) -> bool {
+        if self.waiting + 1 < SHALLOW {
+            self.walk::<SHALLOW>(ray, t_max, leaf)
+        } else {
+            self.walk::<DEEP>(ray, t_max, leaf)
+        }
+    }
+
+    #[inline]
+    fn walk<const ROOM: usize>(
+        &self,
+        ray: &RayBoxes,
+        t_max: &mut f32,
         mut leaf: impl FnMut(u32, u32, &mut f32) -> bool,
     ) -> bool {
-        let mut stack = [(0.0_f32, 0_u32); STACK];
-        let mut depth = 1;
-        stack[0] = (0.0, self.root);
-        while depth > 0 {
-            depth -= 1;
-            let (t, code) = stack[depth];
+        let mut stack = [(0.0_f32, 0_u32); ROOM];
+        let mut depth = 0;
+        let mut next = (0.0, self.root);
+        loop {
+            let (t, code) = next;
+            let mut mask = 0;
             if t > *t_max {
-                continue;
-            }
-            if code & LEAF != 0 {
-                if leaf(code & LEAF_START, (code >> LEAF_SIZE_SHIFT & 7) + 1, t_max) {
+                // Something nearer was hit since.
+            } else if code & LEAF != 0 {
+                let (first, count) = range(code);
+                if leaf(first, count, t_max) {
                     return true;
                 }
-                continue;
-            }
-            let (mut mask, entry) = self.hit_children(code, ray, *t_max);
-            let bottom = depth;
-            let children = &self.nodes[code as usize].child;
-            while mask != 0 {
-                let i = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                // Insert so that the nearest lies on top.
-                let mut at = depth;
-                while at > bottom && stack[at - 1].0 < entry[i] {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
+            } else {
+                let entry;
+                (mask, entry) = self.hit_children(code, ray, *t_max);
+                let children = &self.nodes[code as usize].child;
+                let bottom = depth;
+                while mask & mask.wrapping_sub(1) != 0 {
+                    let i = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    depth += insert(&mut stack, bottom, depth, (entry[i], children[i]));
                 }
-                stack[at] = (entry[i], children[i]);
-                depth += 1;
+                if mask != 0 {
+                    let i = mask.trailing_zeros() as usize;
+                    next = (entry[i], children[i]);
+                    if depth > bottom && stack[depth - 1].0 < next.0 {
+                        // Not the nearest after all.
+                        depth += insert(&mut stack, bottom, depth, next);
+                        mask = 0;
+                    }
+                }
+            }
+            if mask == 0 {
+                if depth == 0 {
+                    return false;
+                }
+                depth -= 1;
+                next = stack[depth];
             }
         }
-        false
     }
 
     /// Which children the ray enters before `t_max`, and where.
@@ -94,4 +139,16 @@ impl Bvh {
         let leave = (far(0).fast_min(far(1)).fast_min(far(2)) * widen).fast_min(f32x8::splat(t_max));
         (enter.simd_le(leave).to_bitmask(), enter.to_array())
     }
+}
+
+/// Puts a child on the stack above `bottom`, where the nearest lies on top; 1, by which the stack has grown.
+#[inline]
+fn insert(stack: &mut [(f32, u32)], bottom: usize, depth: usize, child: (f32, u32)) -> usize {
+    let mut at = depth;
+    while at > bottom && stack[at - 1].0 < child.0 {
+        stack[at] = stack[at - 1];
+        at -= 1;
+    }
+    stack[at] = child;
+    1
 }

@@ -1,7 +1,8 @@
 //! Owns the tree over a mesh's triangles and the watertight test at its leaves.
 
-use super::{BuildError, Bvh, RayBoxes};
-use crate::math::{Aabb, Ray};
+use super::leaf::{self, Leaves};
+use super::{BuildError, Bvh, Cast, Costs};
+use crate::math::Aabb;
 use glam::Vec3;
 
 /// Where a ray meets a triangle.
@@ -19,7 +20,24 @@ pub struct TriangleHit {
 #[derive(Debug, Clone)]
 pub struct TriangleBvh {
     bvh: Bvh,
-    corners: Vec<[Vec3; 3]>,
+    leaves: Leaves,
+}
+
+/// The box around a triangle.
+fn around(triangle: &[Vec3; 3]) -> Aabb {
+    // A corner that is no number would vanish in a minimum: such a triangle gets the empty box, which is refused.
+    let finite = triangle.iter().all(|p| p.is_finite());
+    if finite { triangle.iter().fold(Aabb::EMPTY, |b, p| b.with_point(*p)) } else { Aabb::EMPTY }
+}
+
+/// Eight triangles are tested at the price of one.
+const COSTS: Costs = Costs { leaf: 0.8, primitive: 0.06, most: leaf::LANES as u32 };
+
+impl Default for TriangleBvh {
+    /// Of no triangles.
+    fn default() -> Self {
+        Self { bvh: Bvh::empty(), leaves: Leaves::new(0, std::iter::empty()) }
+    }
 }
 
 impl TriangleBvh {
@@ -29,15 +47,27 @@ impl TriangleBvh {
     /// A corner is not finite, or there are too many triangles.
     pub fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Result<Self, BuildError> {
         let triangles: Vec<[Vec3; 3]> = triangles.collect();
-        // A corner that is no number would vanish in a minimum: such a triangle gets the empty box, which is refused.
-        let bounds = |t: &[Vec3; 3]| {
-            let finite = t.iter().all(|p| p.is_finite());
-            if finite { t.iter().fold(Aabb::EMPTY, |b, p| b.with_point(*p)) } else { Aabb::EMPTY }
-        };
-        let boxes: Vec<Aabb> = triangles.iter().map(bounds).collect();
-        let bvh = Bvh::build(&boxes)?;
-        let corners = bvh.slots().iter().map(|&s| triangles[s as usize]).collect();
-        Ok(Self { bvh, corners })
+        let boxes: Vec<Aabb> = triangles.iter().map(around).collect();
+        let bvh = Bvh::build(&boxes, COSTS)?;
+        let corners: Vec<[Vec3; 3]> = bvh.slots().iter().map(|&s| triangles[s as usize]).collect();
+        let ranges = bvh.leaves();
+        let leaves = ranges.iter().map(|&(first, count)| &corners[first as usize..(first + count) as usize]);
+        let leaves = Leaves::new(corners.len(), leaves);
+        Ok(Self { bvh, leaves })
+    }
+
+    /// The box around triangles of which a tree can be built.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::build`].
+    pub fn check(triangles: impl Iterator<Item = [Vec3; 3]>) -> Result<Aabb, BuildError> {
+        let mut bounds = Aabb::EMPTY;
+        for (number, triangle) in triangles.enumerate() {
+            let it = around(&triangle);
+            Bvh::check(number, &it)?;
+            bounds = bounds.union(it);
+        }
+        Ok(bounds)
     }
 
     /// The box around all triangles.
@@ -47,22 +77,21 @@ impl TriangleBvh {
 
     /// Memory in bytes.
     pub fn bytes(&self) -> usize {
-        self.bvh.bytes() + self.corners.len() * size_of::<[Vec3; 3]>()
+        self.bvh.bytes() + self.leaves.bytes()
     }
 
-    /// The nearest hit within the ray; of equal distances the triangle with the smaller number.
-    pub fn intersect(&self, ray: &Ray) -> Option<TriangleHit> {
-        let shear = Shear::new(ray.d);
+    /// The nearest hit of a ray up to `t_max`; of equal distances the triangle with the smaller number.
+    pub fn intersect(&self, cast: &Cast, mut t_max: f32) -> Option<TriangleHit> {
         let mut best: Option<TriangleHit> = None;
-        let mut t_max = ray.t_max;
-        self.bvh.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, t_max| {
-            for slot in first..first + count {
-                let Some((t, barycentric)) = shear.intersect(ray.o, &self.corners[slot as usize], *t_max)
-                else {
-                    continue;
-                };
-                let triangle = self.bvh.slots()[slot as usize];
+        self.bvh.traverse(&cast.boxes, &mut t_max, |first, count, t_max| {
+            let (mut hits, met) = self.leaves.test(first, count, &cast.shear, *t_max);
+            while hits != 0 {
+                let lane = hits.trailing_zeros() as usize;
+                hits &= hits - 1;
+                let t = met.t.to_array()[lane];
+                let triangle = self.bvh.slots()[first as usize + lane];
                 if best.is_none_or(|b| t < b.t || (t == b.t && triangle < b.triangle)) {
+                    let barycentric = [met.v.to_array()[lane], met.w.to_array()[lane]];
                     best = Some(TriangleHit { t, triangle, barycentric });
                     *t_max = t;
                 }
@@ -72,79 +101,25 @@ impl TriangleBvh {
         best
     }
 
-    /// Whether anything lies within the ray.
-    pub fn occluded(&self, ray: &Ray) -> bool {
-        let shear = Shear::new(ray.d);
-        let mut t_max = ray.t_max;
-        self.bvh.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, t_max| {
-            (first..first + count)
-                .any(|s| shear.intersect(ray.o, &self.corners[s as usize], *t_max).is_some())
+    /// Whether a ray meets anything up to `t_max`.
+    pub fn occluded(&self, cast: &Cast, mut t_max: f32) -> bool {
+        self.bvh.traverse(&cast.boxes, &mut t_max, |first, count, t_max| {
+            self.leaves.test(first, count, &cast.shear, *t_max).0 != 0
         })
     }
-}
-
-/// The shear that turns a ray into the z axis (Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection").
-struct Shear {
-    axes: [usize; 3],
-    scale: Vec3,
-}
-
-impl Shear {
-    fn new(d: Vec3) -> Self {
-        let a = d.abs();
-        let kz = if a.x > a.y {
-            if a.x > a.z { 0 } else { 2 }
-        } else if a.y > a.z {
-            1
-        } else {
-            2
-        };
-        let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
-        let sz = 1.0 / d[kz];
-        Self { axes: [kx, ky, kz], scale: Vec3::new(d[kx] * sz, d[ky] * sz, sz) }
-    }
-
-    /// Distance and weights of the second and third corner, for `0 < t <= t_max`.
-    #[inline]
-    fn intersect(&self, o: Vec3, corners: &[Vec3; 3], t_max: f32) -> Option<(f32, [f32; 2])> {
-        let [kx, ky, kz] = self.axes;
-        let shear = |p: Vec3| {
-            let v = p - o;
-            Vec3::new(v[kx] - self.scale.x * v[kz], v[ky] - self.scale.y * v[kz], self.scale.z * v[kz])
-        };
-        let (a, b, c) = (shear(corners[0]), shear(corners[1]), shear(corners[2]));
-        // The sign of an edge function is exact or zero, because a product difference rounds monotonically.
-        let mut u = c.x * b.y - c.y * b.x;
-        let mut v = a.x * c.y - a.y * c.x;
-        let mut w = b.x * a.y - b.y * a.x;
-        if u == 0.0 || v == 0.0 || w == 0.0 {
-            [u, v, w] = edges_in_double([a, b, c]);
-        }
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        let determinant = u + v + w;
-        if determinant == 0.0 {
-            return None;
-        }
-        let inverse = 1.0 / determinant;
-        let t = (u * a.z + v * b.z + w * c.z) * inverse;
-        (t > 0.0 && t <= t_max).then_some((t, [v * inverse, w * inverse]))
-    }
-}
-
-/// The edge functions again where single precision cannot tell the side; products of floats are exact in double.
-#[cold]
-fn edges_in_double([a, b, c]: [Vec3; 3]) -> [f32; 3] {
-    let edge = |p: Vec3, q: Vec3| f64::from(p.x) * f64::from(q.y) - f64::from(p.y) * f64::from(q.x);
-    [edge(c, b) as f32, edge(a, c) as f32, edge(b, a) as f32]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bvh::leaf::Shear;
+    use crate::math::Ray;
     use crate::sampler::{Decision, Replicate, Sampler, Stream};
     use crate::warp::sphere_uniform;
+
+    fn nearest(tree: &TriangleBvh, ray: &Ray) -> Option<TriangleHit> {
+        tree.intersect(&Cast::new(ray.o, ray.d), ray.t_max)
+    }
 
     fn random(i: u32, d: Decision) -> Vec3 {
         sphere_uniform(Sampler::new(Stream::new(1, 1), [i, 0], Replicate::A, 0).get_2d(d))
@@ -184,15 +159,20 @@ mod tests {
         let tree = TriangleBvh::build(mesh.iter().copied()).unwrap();
         for i in 0..2000 {
             let ray = Ray::new(random(i, Decision::Filter) * 3.0, random(i, Decision::Lens));
-            let shear = Shear::new(ray.d);
+            // Each triangle in a leaf of its own.
+            let shear = Shear::new(ray.o, ray.d);
+            let alone = |t: &[Vec3; 3]| {
+                let (hit, met) = Leaves::new(1, [&[*t][..]].into_iter()).test(0, 1, &shear, f32::INFINITY);
+                (hit != 0).then(|| (met.t.to_array()[0], [met.v.to_array()[0], met.w.to_array()[0]]))
+            };
             let want = mesh
                 .iter()
                 .enumerate()
-                .filter_map(|(k, t)| shear.intersect(ray.o, t, f32::INFINITY).map(|(t, b)| (t, k as u32, b)))
+                .filter_map(|(k, t)| alone(t).map(|(t, b)| (t, k as u32, b)))
                 .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let got = tree.intersect(&ray).map(|h| (h.t, h.triangle, h.barycentric));
+            let got = nearest(&tree, &ray).map(|h| (h.t, h.triangle, h.barycentric));
             assert_eq!(got, want);
-            assert_eq!(tree.occluded(&ray), want.is_some());
+            assert_eq!(tree.occluded(&Cast::new(ray.o, ray.d), ray.t_max), want.is_some());
         }
     }
 
@@ -206,7 +186,7 @@ mod tests {
                 let o = random(i as u32, Decision::Filter) * (0.3 * scale);
                 let edges = (0..3).map(|k| (triangle[k], triangle[(k + 1) % 3]));
                 for target in edges.flat_map(|(p, q)| [p, (p + q) * 0.5, p + (q - p) * 0.3]) {
-                    assert!(tree.intersect(&Ray::new(o, target - o)).is_some(), "leak at {target} from {o}");
+                    assert!(nearest(&tree, &Ray::new(o, target - o)).is_some(), "leak at {target} from {o}");
                 }
             }
         }
@@ -223,7 +203,7 @@ mod tests {
             for i in 0..1000 {
                 let o =
                     Vec3::new(random(i, Decision::Filter).x * 0.99, random(i, Decision::Lens).x * 0.99, 0.0);
-                assert!(tree.intersect(&Ray::new(o, Vec3::Z)).is_some());
+                assert!(nearest(&tree, &Ray::new(o, Vec3::Z)).is_some());
             }
         }
     }
@@ -231,7 +211,7 @@ mod tests {
     #[test]
     fn empty_and_bad_input() {
         let tree = TriangleBvh::build(std::iter::empty()).unwrap();
-        assert!(tree.intersect(&Ray::new(Vec3::ZERO, Vec3::Z)).is_none());
+        assert!(nearest(&tree, &Ray::new(Vec3::ZERO, Vec3::Z)).is_none());
         for bad in [f32::NAN, f32::INFINITY] {
             let triangle = [Vec3::ZERO, Vec3::X, Vec3::splat(bad)];
             assert_eq!(TriangleBvh::build([triangle].into_iter()).err(), Some(BuildError::BadBox(0)));

@@ -17,6 +17,9 @@ pub(super) struct SphereMap {
     rows: Vec<f32>,
     /// Cumulative probability of the cells within each row, row after row.
     cells: Vec<f32>,
+    /// Where to look in `rows`, and in each row of `cells`, row after row.
+    row_guide: Vec<u32>,
+    guides: Vec<u32>,
     /// Cosine of the angle from the top at the upper edge of each row, and at the end.
     edges: Vec<f64>,
     mean: f32,
@@ -37,7 +40,16 @@ impl SphereMap {
         let edge =
             |row: usize| libm::cos(f64::from((row as u32 * step[1]).min(size[1])) / f64::from(size[1]) * PI);
         let edges: Vec<f64> = (0..=rows).map(edge).collect();
-        let mut map = Self { size, step, rows: vec![0.0; rows], cells: Vec::new(), edges, mean: 0.0 };
+        let mut map = Self {
+            size,
+            step,
+            rows: vec![0.0; rows],
+            cells: Vec::new(),
+            row_guide: Vec::new(),
+            guides: Vec::new(),
+            edges,
+            mean: 0.0,
+        };
         let mut weights = cell_weights(size, step, columns, brightness);
         let total = sum(&weights);
         let mean = total / (4.0 * PI);
@@ -54,6 +66,8 @@ impl SphereMap {
             *row = accumulate(cells) as f32;
         }
         accumulate(&mut map.rows);
+        map.row_guide = guide(&map.rows);
+        map.guides = weights.chunks(columns).flat_map(guide).collect();
         map.cells = weights;
         map
     }
@@ -83,8 +97,9 @@ impl SphereMap {
 
     /// A direction in the map's frame; `None` when the map is black.
     pub(super) fn sample(&self, u: Vec2) -> Option<Vec3> {
-        let (row, down) = find(&self.rows, u.y)?;
-        let (column, across) = find(self.row(row), u.x)?;
+        let (row, down) = find(&self.rows, &self.row_guide, u.y)?;
+        let length = self.guides.len() / self.rows.len();
+        let (column, across) = find(self.row(row), &self.guides[row * length..(row + 1) * length], u.x)?;
         let cos = self.edges[row] + (self.edges[row + 1] - self.edges[row]) * down;
         let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
         let [left, right] = self.sides(column);
@@ -162,9 +177,27 @@ fn accumulate(weights: &mut [f32]) -> f64 {
     total
 }
 
+/// How many cumulative probabilities there are, on average, for an entry of their guide.
+const GUIDED: usize = 4;
+
+/// For even steps of `u` from 0 to 1, a power of two of them, and for 1: how many cumulative probabilities are not above.
+/// A search may begin there and end at the next, in memory that lies together.
+fn guide(cumulative: &[f32]) -> Vec<u32> {
+    let steps = cumulative.len().div_ceil(GUIDED).next_power_of_two();
+    let not_above = |step: usize| {
+        let u = step as f32 / steps as f32;
+        cumulative.partition_point(|c| *c <= u) as u32
+    };
+    (0..=steps).map(not_above).collect()
+}
+
 /// Where `u` falls among cumulative probabilities, and how far within; `None` when they are all 0.
-fn find(cumulative: &[f32], u: f32) -> Option<(usize, f64)> {
-    let index = cumulative.partition_point(|c| *c <= u);
+fn find(cumulative: &[f32], guide: &[u32], u: f32) -> Option<(usize, f64)> {
+    let steps = guide.len() - 1;
+    // Exact, because the number of steps is a power of two.
+    let step = ((u * steps as f32) as usize).min(steps - 1);
+    let (from, to) = (guide[step] as usize, guide[step + 1] as usize);
+    let index = from + cumulative[from..to].partition_point(|c| *c <= u);
     let end = *cumulative.get(index)?;
     let start = if index == 0 { 0.0 } else { cumulative[index - 1] };
     Some((index, f64::from(u - start) / f64::from(end - start)))

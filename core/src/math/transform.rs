@@ -9,6 +9,8 @@ pub struct Transform {
     to_local: DAffine3,
     normal: DMat3,
     flips: bool,
+    /// Whether it changes nothing: most objects of converted scenes stand where their files say.
+    identity: bool,
 }
 
 impl Transform {
@@ -18,6 +20,7 @@ impl Transform {
         to_local: DAffine3::IDENTITY,
         normal: DMat3::IDENTITY,
         flips: false,
+        identity: true,
     };
 
     /// A placement by an invertible map; `None` when it cannot be inverted or is not finite.
@@ -29,7 +32,14 @@ impl Transform {
             to_local,
             normal: to_local.matrix3.transpose(),
             flips: determinant < 0.0,
+            identity: to_world == DAffine3::IDENTITY,
         })
+    }
+
+    /// Whether it changes nothing.
+    #[inline]
+    pub fn is_identity(&self) -> bool {
+        self.identity
     }
 
     /// Whether it mirrors: the winding of triangles turns around.
@@ -50,16 +60,22 @@ impl Transform {
         &self.to_local
     }
 
+    /// Where it puts the origin.
+    #[inline]
+    pub fn shift(&self) -> Vec3 {
+        self.to_world.translation.as_vec3()
+    }
+
     /// A point, local to world.
     #[inline]
     pub fn point(&self, p: Vec3) -> Vec3 {
-        self.to_world.transform_point3(p.as_dvec3()).as_vec3()
+        if self.identity { p } else { self.to_world.transform_point3(p.as_dvec3()).as_vec3() }
     }
 
     /// A direction, local to world; its length scales with the map.
     #[inline]
     pub fn vector(&self, v: Vec3) -> Vec3 {
-        self.to_world.transform_vector3(v.as_dvec3()).as_vec3()
+        if self.identity { v } else { self.to_world.transform_vector3(v.as_dvec3()).as_vec3() }
     }
 
     /// A normal, local to world, normalised, on the same side of the surface.
@@ -71,18 +87,21 @@ impl Transform {
     /// A point, world to local.
     #[inline]
     pub fn local_point(&self, p: Vec3) -> Vec3 {
-        self.to_local.transform_point3(p.as_dvec3()).as_vec3()
+        if self.identity { p } else { self.to_local.transform_point3(p.as_dvec3()).as_vec3() }
     }
 
     /// A direction, world to local; its length scales with the map.
     #[inline]
     pub fn local_vector(&self, v: Vec3) -> Vec3 {
-        self.to_local.transform_vector3(v.as_dvec3()).as_vec3()
+        if self.identity { v } else { self.to_local.transform_vector3(v.as_dvec3()).as_vec3() }
     }
 
     /// Bound of the world error of a point whose local error is `error`.
     #[inline]
     pub fn error(&self, error: Vec3) -> Vec3 {
+        if self.identity {
+            return error;
+        }
         let m = self.to_world.matrix3;
         (m.x_axis.abs() * f64::from(error.x)
             + m.y_axis.abs() * f64::from(error.y)

@@ -5,10 +5,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::bvh::triangle::TriangleBvh;
 use crate::mesh;
 use crate::scene::document::{AssetKind, AssetRef, Document, Limits, Problems};
 use crate::scene::object::PreparedMesh;
+use crate::scene::trees::Kept;
 use crate::texture::Image;
 
 /// Where asset files come from; paths are those of [`AssetRef::path`].
@@ -72,6 +72,8 @@ impl AssetSource for Folder {
 pub struct Assets {
     meshes: BTreeMap<String, Arc<PreparedMesh>>,
     images: BTreeMap<String, Arc<Image>>,
+    /// The tree over their triangles in the last frame that was compiled.
+    kept: Arc<Kept>,
 }
 
 /// What is left of the limits while files are loaded.
@@ -108,10 +110,8 @@ impl Assets {
                 let mesh =
                     mesh::read(&bytes, &asset.path, left.triangles).map_err(|error| error.to_string())?;
                 left.triangles -= mesh.triangles.len() as u64;
-                let corners =
-                    mesh.triangles.iter().map(|corners| corners.map(|index| mesh.positions[index as usize]));
-                let tree = TriangleBvh::build(corners).map_err(|error| error.to_string())?;
-                self.meshes.insert(asset.path.clone(), Arc::new(PreparedMesh { mesh, tree }));
+                let prepared = PreparedMesh::new(mesh).map_err(|error| error.to_string())?;
+                self.meshes.insert(asset.path.clone(), Arc::new(prepared));
             }
             AssetKind::Image => {
                 let image = Image::read(&bytes, left.texels).map_err(|error| error.to_string())?;
@@ -122,7 +122,12 @@ impl Assets {
         Ok(())
     }
 
-    /// The mesh in a file that the document names, with the tree over its triangles.
+    /// What the last frame may leave to the next.
+    pub(super) fn kept(&self) -> &Kept {
+        &self.kept
+    }
+
+    /// The mesh in a file that the document names.
     pub fn mesh(&self, path: &str) -> Option<Arc<PreparedMesh>> {
         self.meshes.get(path).cloned()
     }

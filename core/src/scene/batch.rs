@@ -3,7 +3,8 @@
 use super::compiled::Scene;
 use super::object::Hit;
 use super::tally::Tally;
-use crate::bvh::RayBoxes;
+use super::trees::Entry;
+use crate::bvh::Cast;
 use crate::math::Ray;
 
 /// What marching many rays needs, kept from batch to batch for its memory, and what it counts.
@@ -93,7 +94,7 @@ impl Scene {
         let Marching { waiting, tally, spent } = marching;
         for &ray in active {
             let (first, before) = (waiting.objects.len(), tally.evaluations());
-            hits[ray as usize] = self.nearest(&rays[ray as usize], spread, tally, |number, object| {
+            hits[ray as usize] = self.nearest(&rays[ray as usize], spread, tally, true, |number, object| {
                 let marched = object.is_marched();
                 if marched {
                     waiting.objects.push(number);
@@ -160,16 +161,19 @@ impl Scene {
     /// Whether something that needs no march stops a ray; what needs one is noted.
     fn stops(&self, ray: &Ray, waiting: &mut Waiting, tally: &mut Tally) -> bool {
         let mut t_max = ray.t_max;
-        self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, _| {
-            let slots = &self.tree.slots()[first as usize..(first + count) as usize];
-            let mut whole = slots.iter().filter(|&&slot| !self.objects[slot as usize].holes);
-            whole.any(|&slot| {
-                let object = &self.objects[slot as usize];
-                let marched = object.is_marched();
-                if marched {
-                    waiting.objects.push(slot);
+        let cast = Cast::new(ray.o, ray.d);
+        let tree = &self.trees.tree;
+        tree.traverse(cast.boxes(), &mut t_max, |first, count, _| {
+            let slots = &tree.slots()[first as usize..(first + count) as usize];
+            slots.iter().any(|&slot| match self.trees.entries[slot as usize] {
+                Entry::Soup => self.trees.soup_occludes(&cast, ray.t_max),
+                Entry::Object(number) => {
+                    let object = &self.objects[number as usize];
+                    if object.is_marched() && !object.holes {
+                        waiting.objects.push(number);
+                    }
+                    !object.holes && !object.is_marched() && object.occluded(ray, &cast, tally)
                 }
-                !marched && object.occluded(ray, tally)
             })
         })
     }

@@ -8,7 +8,7 @@ use super::materials;
 use super::media::Media;
 use super::object::{Object, Shape};
 use super::tape;
-use crate::bvh::Bvh;
+use super::trees::Trees;
 use crate::camera::{Camera, Perspective};
 use crate::film::{FilterKind, FrameSize, PixelFilter, Region};
 use crate::light::{self, EnvironmentLight, Light, Lights, PointLight, SphereLight, SpotLight, SunLight};
@@ -43,14 +43,14 @@ impl Scene {
         builder.lights();
         let around = description.medium.as_ref().and_then(|name| builder.medium(name));
         let Builder { mut problems, materials, mut objects, fillings, lights, emitters, .. } = builder;
-        let boxes: Vec<Aabb> = objects.iter().map(Object::bounds).collect();
-        let tree = Bvh::build(&boxes).map_err(|e| problems.push(problem(description, "", e.to_string())));
-        let (Some(camera), Ok(tree), true) = (camera, tree, problems.is_empty()) else {
+        let trees = Trees::new(&objects, assets.kept())
+            .map_err(|e| problems.push(problem(description, "", e.to_string())));
+        let (Some(camera), Ok(trees), true) = (camera, trees, problems.is_empty()) else {
             return Err(problems);
         };
         // Through fog without end no light would come from infinity.
         let endless = lights.iter().all(|light| !light.is_infinite());
-        let everything = lights.iter().filter_map(Light::bounds).fold(tree.bounds(), Aabb::union);
+        let everything = lights.iter().filter_map(Light::bounds).fold(trees.tree.bounds(), Aabb::union);
         let everything = (!endless).then_some(everything);
         let many = lights.len() > Lights::WEIGH_ALL;
         let places = lights.iter().map(|light| light.bounds().map_or(Vec3::ZERO, |bounds| bounds.center()));
@@ -69,9 +69,9 @@ impl Scene {
             filter: filter(film.filter),
             max_depth: description.integrator.max_depth,
             roulette_depth: description.integrator.roulette_depth,
-            lights: Lights::new(lights, &tree.bounds()),
+            lights: Lights::new(lights, &trees.tree.bounds()),
             objects,
-            tree,
+            trees,
             materials,
             emitters,
             has_holes,

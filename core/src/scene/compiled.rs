@@ -5,8 +5,9 @@ use super::material::Material;
 use super::media::{Interiors, Media, Stretch};
 use super::object::{Hit, Object, Surface};
 use super::tally::Tally;
+use super::trees::{Entry, Trees};
 use crate::bsdf::Bsdf;
-use crate::bvh::{Bvh, RayBoxes};
+use crate::bvh::Cast;
 use crate::camera::Camera;
 use crate::color::View;
 use crate::film::{FrameSize, PixelFilter, Region};
@@ -45,7 +46,7 @@ pub struct Scene {
     pub(super) max_depth: u32,
     pub(super) roulette_depth: u32,
     pub(super) objects: Vec<Object>,
-    pub(super) tree: Bvh,
+    pub(super) trees: Trees,
     pub(super) materials: Vec<Material>,
     pub(super) lights: Lights,
     /// Numbers of the lights that primitives of objects are; `u32::MAX` for those that are none.
@@ -169,41 +170,59 @@ impl Scene {
 
     /// The box around all objects.
     pub fn bounds(&self) -> Aabb {
-        self.tree.bounds()
+        self.trees.tree.bounds()
     }
 
     /// The nearest hit within the ray; of equal distances the object, then the triangle, with the smaller number.
     ///
     /// `spread` is the half width of the ray's pixel per unit of distance, 0 where unknown.
     pub fn intersect(&self, ray: &Ray, spread: f32, tally: &mut Tally) -> Option<Hit> {
-        self.nearest(ray, spread, tally, |_, _| true)
+        self.nearest(ray, spread, tally, true, |_, _| true)
     }
 
-    /// The nearest hit among the objects that `counts` takes.
+    /// The nearest hit among the objects that `counts` takes, and with `soup` those in the tree of all.
     pub(super) fn nearest(
         &self,
         ray: &Ray,
         spread: f32,
         tally: &mut Tally,
+        soup: bool,
         mut counts: impl FnMut(u32, &Object) -> bool,
     ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
-        self.tree.traverse(&RayBoxes::new(ray.o, ray.d), &mut t_max, |first, count, t_max| {
-            for &object in &self.tree.slots()[first as usize..(first + count) as usize] {
-                let within = Ray { t_max: *t_max, ..*ray };
-                let it = &self.objects[object as usize];
-                let hit = if counts(object, it) { it.intersect(&within, spread, tally) } else { None };
-                let Some((t, primitive, barycentric)) = hit else { continue };
-                let hit = Hit { t, object, primitive, barycentric };
+        let cast = Cast::new(ray.o, ray.d);
+        let tree = &self.trees.tree;
+        tree.traverse(cast.boxes(), &mut t_max, |first, count, t_max| {
+            for &slot in &tree.slots()[first as usize..(first + count) as usize] {
+                let hit = match self.trees.entries[slot as usize] {
+                    Entry::Soup if soup => self.trees.in_soup(&cast, *t_max),
+                    Entry::Object(object) if counts(object, &self.objects[object as usize]) => {
+                        let within = Ray { t_max: *t_max, ..*ray };
+                        self.hit_of(object, &within, &cast, spread, tally)
+                    }
+                    Entry::Soup | Entry::Object(_) => None,
+                };
+                let Some(hit) = hit else { continue };
                 if best.is_none_or(|best| hit.is_before(&best)) {
                     best = Some(hit);
-                    *t_max = t;
+                    *t_max = hit.t;
                 }
             }
             false
         });
         best
+    }
+
+    /// The nearest hit of what may be there in part only.
+    fn nearest_with_holes(&self, ray: &Ray, tally: &mut Tally) -> Option<Hit> {
+        self.nearest(ray, 0.0, tally, false, |_, object| object.holes)
+    }
+
+    /// The nearest hit of one object.
+    fn hit_of(&self, object: u32, ray: &Ray, cast: &Cast, spread: f32, tally: &mut Tally) -> Option<Hit> {
+        let hit = self.objects[object as usize].intersect(ray, cast, spread, tally);
+        hit.map(|(t, primitive, barycentric)| Hit { t, object, primitive, barycentric })
     }
 
     /// The surface at a hit of the ray.
@@ -281,8 +300,7 @@ impl Scene {
         let end = ray.at(1.0);
         let (mut rest, mut through) = (*ray, Vec3::ONE);
         for _ in 0..Self::MAX_CROSSINGS {
-            let found =
-                if self.has_holes { self.nearest(&rest, 0.0, tally, |_, object| object.holes) } else { None };
+            let found = if self.has_holes { self.nearest_with_holes(&rest, tally) } else { None };
             if let Some(stretch) = self.medium(&rest, interiors) {
                 let until = found.map_or(rest.t_max, |hit| hit.t).min(stretch.end);
                 through *= stretch.medium.transmittance(until * rest.d.length());
@@ -311,7 +329,7 @@ impl Scene {
         let end = ray.at(1.0);
         let (mut rest, mut through) = (*ray, 1.0);
         for _ in 0..Self::MAX_CROSSINGS {
-            let Some(hit) = self.nearest(&rest, 0.0, tally, |_, object| object.holes) else { return through };
+            let Some(hit) = self.nearest_with_holes(&rest, tally) else { return through };
             let surface = self.surface(&rest, &hit);
             through *= 1.0 - self.opacity(&surface);
             if through <= 0.0 {

@@ -2,6 +2,7 @@
 
 use super::object::{Object, Shape, Surface};
 use super::tally::Tally;
+use crate::bvh::Cast;
 use crate::math::{Aabb, Ray};
 use crate::medium::Medium;
 use glam::{DVec3, Vec3};
@@ -163,7 +164,9 @@ impl Object {
             [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.77, 0.21, 0.6), Vec3::new(0.1, -0.93, -0.35)];
         let from_inside = |d: Vec3| {
             let ray = Ray::new(p, d.normalize());
-            let Some((t, primitive, barycentric)) = self.intersect(&ray, 0.0, &mut Tally::default()) else {
+            let cast = Cast::new(ray.o, ray.d);
+            let Some((t, primitive, barycentric)) = self.intersect(&ray, &cast, 0.0, &mut Tally::default())
+            else {
                 return false;
             };
             let hit = super::Hit { t, object: 0, primitive, barycentric };

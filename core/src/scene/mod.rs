@@ -12,6 +12,7 @@ mod media;
 mod object;
 mod tally;
 mod tape;
+mod trees;
 
 pub use albedo::AlbedoPeak;
 pub use assets::{AssetSource, Assets, Folder};

@@ -3,21 +3,49 @@
 use super::media::Interior;
 use super::tally::Tally;
 use crate::bvh::triangle::TriangleBvh;
+use crate::bvh::{BuildError, Cast};
 use crate::math::{Aabb, Ray, Transform, acos, atan2, even_error, gamma};
 use crate::mesh::Mesh;
 use crate::sdf::{MarchStats, Sdf, SdfRay, Traps};
 use crate::texture::Place;
 use glam::{Vec2, Vec3, Vec3Swizzles as _};
+use std::borrow::Cow;
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A mesh and the tree over its triangles, shared by its instances and by all frames.
 #[derive(Debug)]
 pub struct PreparedMesh {
     /// Triangles in the units of the file.
     pub mesh: Mesh,
-    /// The tree over them.
-    pub tree: TriangleBvh,
+    bounds: Aabb,
+    /// The tree over them, for objects that are not in the tree of all: built when it is first asked for.
+    tree: OnceLock<TriangleBvh>,
+}
+
+impl PreparedMesh {
+    /// A mesh, ready to be placed.
+    ///
+    /// # Errors
+    /// A corner is not finite, or there are too many triangles.
+    pub(super) fn new(mesh: Mesh) -> Result<Self, BuildError> {
+        let bounds = TriangleBvh::check(corners(&mesh))?;
+        Ok(Self { mesh, bounds, tree: OnceLock::new() })
+    }
+
+    /// The corners of its triangles.
+    pub(super) fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        corners(&self.mesh)
+    }
+
+    fn tree(&self) -> &TriangleBvh {
+        // What could go wrong was checked at the start.
+        self.tree.get_or_init(|| TriangleBvh::build(self.corners()).unwrap_or_default())
+    }
+}
+
+fn corners(mesh: &Mesh) -> impl Iterator<Item = [Vec3; 3]> {
+    mesh.triangles.iter().map(|corners| corners.map(|index| mesh.positions[index as usize]))
 }
 
 /// The shape of an object.
@@ -126,7 +154,7 @@ impl Object {
     /// The box around it in the world.
     pub(super) fn bounds(&self) -> Aabb {
         match &self.shape {
-            Shape::Mesh { mesh, transform, .. } => mesh.tree.bounds().transformed(transform.to_world()),
+            Shape::Mesh { mesh, transform, .. } => mesh.bounds.transformed(transform.to_world()),
             Shape::Sphere { center, radius } => {
                 // One rounding step more than the radius, so that the poles lie inside.
                 let reach = Vec3::splat(*radius) + (center.abs() + *radius) * (2.0 * f32::EPSILON);
@@ -136,16 +164,18 @@ impl Object {
         }
     }
 
-    /// The nearest hit within the ray as (t, primitive, barycentric).
+    /// The nearest hit within the ray as (t, primitive, barycentric); `cast` is the ray, prepared.
     pub(super) fn intersect(
         &self,
         ray: &Ray,
+        cast: &Cast,
         spread: f32,
         tally: &mut Tally,
     ) -> Option<(f32, u32, [f32; 2])> {
         match &self.shape {
             Shape::Mesh { mesh, transform, .. } => {
-                mesh.tree.intersect(&to_local(ray, transform)).map(|h| (h.t, h.triangle, h.barycentric))
+                let hit = mesh.tree().intersect(&cast_to_local(ray, cast, transform), ray.t_max);
+                hit.map(|h| (h.t, h.triangle, h.barycentric))
             }
             Shape::Sphere { center, radius } => {
                 intersect_sphere(ray, *center, *radius).map(|t| (t, 0, [0.0; 2]))
@@ -188,11 +218,13 @@ impl Object {
         tally.add(*number, &stats);
     }
 
-    /// Whether anything of it lies within the ray.
-    pub(super) fn occluded(&self, ray: &Ray, tally: &mut Tally) -> bool {
+    /// Whether anything of it lies within the ray; `cast` is the ray, prepared.
+    pub(super) fn occluded(&self, ray: &Ray, cast: &Cast, tally: &mut Tally) -> bool {
         match &self.shape {
-            Shape::Mesh { mesh, transform, .. } => mesh.tree.occluded(&to_local(ray, transform)),
-            Shape::Sphere { .. } | Shape::Sdf { .. } => self.intersect(ray, 0.0, tally).is_some(),
+            Shape::Mesh { mesh, transform, .. } => {
+                mesh.tree().occluded(&cast_to_local(ray, cast, transform), ray.t_max)
+            }
+            Shape::Sphere { .. } | Shape::Sdf { .. } => self.intersect(ray, cast, 0.0, tally).is_some(),
         }
     }
 
@@ -237,6 +269,16 @@ impl Object {
 
 fn to_local(ray: &Ray, transform: &Transform) -> Ray {
     Ray { o: transform.local_point(ray.o), d: transform.local_vector(ray.d), t_max: ray.t_max }
+}
+
+/// The prepared ray in the space of an object: as it is where that is the world.
+#[inline]
+fn cast_to_local<'a>(ray: &Ray, cast: &'a Cast, transform: &Transform) -> Cow<'a, Cast> {
+    if transform.is_identity() {
+        return Cow::Borrowed(cast);
+    }
+    let local = to_local(ray, transform);
+    Cow::Owned(Cast::new(local.o, local.d))
 }
 
 fn to_march(ray: &Ray, transform: &Transform, spread: f32) -> SdfRay {
@@ -292,8 +334,10 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, flat: bool, hit: &Hit) -> Su
     let blend = |v: [Vec3; 3]| v[0] * weights[0] + v[1] * weights[1] + v[2] * weights[2];
     let solid = blend([p0, p1, p2]);
     let p = transform.point(solid);
-    let local_error = blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(7);
-    let error = even_error(transform.error(local_error) + p.abs() * gamma(2));
+    // Corners may have been rounded to their places in the world (gamma(1)) before the ray met them.
+    let local_error = blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(8);
+    let moved = p.abs() + transform.shift().abs();
+    let error = even_error(transform.error(local_error) + moved * gamma(2));
     let side = if flat { 1.0 } else { mesh.side(hit.primitive as usize) };
     let ng = transform.normal((p1 - p0).cross(p2 - p0)) * side;
     let ns = if flat || mesh.normals.is_empty() {

@@ -6,6 +6,7 @@ use super::oracle::Disney;
 use super::random::Random;
 use super::scenes::{Shot, Shown, list, mean_of};
 use glam::{DVec3, Vec3};
+use karst_core::bvh::Cast;
 use karst_core::bvh::triangle::TriangleBvh;
 use karst_core::math::Ray;
 use std::path::Path;
@@ -160,7 +161,8 @@ fn case_12_no_ray_slips_between_triangles() {
             // From within a closed surface every ray meets it, wherever it is aimed.
             let ray = Ray::new(middle, target - middle);
             rays += 1;
-            if tree.intersect(&ray).is_none() || !tree.occluded(&ray) {
+            let cast = Cast::new(ray.o, ray.d);
+            if tree.intersect(&cast, ray.t_max).is_none() || !tree.occluded(&cast, ray.t_max) {
                 missed += 1;
             }
         }

@@ -157,9 +157,20 @@ impl Image {
     pub fn texel(&self, x: u32, y: u32, space: ColorSpace) -> Vec3 {
         let first = self.first(x, y);
         if self.channels < 3 {
-            Vec3::splat(self.value(first, space))
-        } else {
-            Vec3::new(self.value(first, space), self.value(first + 1, space), self.value(first + 2, space))
+            return Vec3::splat(self.value(first, space));
+        }
+        match (&self.data, space) {
+            // What most textures are, without asking what they are for every channel.
+            (Data::Bytes(bytes), ColorSpace::Srgb) => {
+                let curve = &*SRGB_BYTES;
+                let texel: [u8; 3] = std::array::from_fn(|channel| bytes[first + channel]);
+                Vec3::from(texel.map(|byte| curve[usize::from(byte)]))
+            }
+            (Data::Halves(halves), ColorSpace::Linear) => {
+                Vec3::from_array(std::array::from_fn(|channel| halves[first + channel].to_f32()))
+            }
+            (Data::Floats(floats), ColorSpace::Linear) => Vec3::from_slice(&floats[first..]),
+            _ => Vec3::from_array(std::array::from_fn(|channel| self.value(first + channel, space))),
         }
     }
 
