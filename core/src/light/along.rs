@@ -214,25 +214,35 @@ impl Lights {
             let (t, pdf) = table.sample(numbers.place);
             return Some(Along { light, t, pdf: pdf * chosen });
         }
-        let mut tables = [const { None }; Self::WEIGH_ALL];
-        let mut total = 0.0;
-        for (table, beacon) in tables.iter_mut().zip(&self.beacons.all) {
-            *table = beacon.as_ref().and_then(|beacon| Table::new(beacon, span, medium, beta));
-            total += table.as_ref().map_or(0.0, |table| table.total);
-        }
-        let mut rest = numbers.light * total;
-        let mut chosen: Option<(usize, &Table)> = None;
-        for (light, table) in tables.iter().enumerate() {
-            let Some(table) = table else { continue };
-            chosen = Some((light, table));
-            if rest < table.total {
-                break;
-            }
-            rest -= table.total;
-        }
-        let (light, table) = chosen?;
+        let (light, table, total) = self.one_of_few(span, medium, beta, numbers.light)?;
         let (t, pdf) = table.sample(numbers.place);
         Some(Along { light, t, pdf: pdf * (table.total / total) })
+    }
+
+    /// Chooses one of few lights for a segment by the integrals of their tables: its table, and the sum of all.
+    ///
+    /// Table by table the new one takes the place of the chosen one with the share that it has of all so far, and the
+    /// random number is stretched again, so that only one table is kept.
+    fn one_of_few(
+        &self,
+        span: Span,
+        medium: &Medium,
+        beta: Vec3,
+        number: f32,
+    ) -> Option<(usize, Table, f32)> {
+        let (mut chosen, mut total, mut number) = (None, 0.0, f64::from(number));
+        for (light, beacon) in self.beacons.all() {
+            let Some(table) = Table::new(beacon, span, medium, beta) else { continue };
+            total += table.total;
+            let share = f64::from(table.total / total);
+            if chosen.is_none() || number < share {
+                number = (number / share).min(1.0);
+                chosen = Some((light, table));
+            } else {
+                number = (number - share) / (1.0 - share);
+            }
+        }
+        chosen.map(|(light, table)| (light, table, total))
     }
 
     /// Chooses one of many lights for a segment: by the tree as a place on it sees them, or blindly.

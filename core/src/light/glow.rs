@@ -79,15 +79,13 @@ fn density(beacon: &Beacon, from: Vec3, d: Vec3) -> f32 {
         return 0.0;
     };
     let apart = apart2.sqrt();
-    // The integral of t² / ((t − δ)² + D²).
-    let whole = |t: f32| {
-        let along = f64::from(t) - nearest;
-        let angle = libm::atan2(along, apart);
-        f64::from(t)
-            + nearest * libm::log(along * along + apart2)
-            + (nearest * nearest - apart2) / apart * angle
-    };
-    let integral = (whole(span.far) - whole(span.near)).max(0.0);
+    // The integral of t² / ((t − δ)² + D²) between two places: the angle between them at the lamp, and the ratio of their
+    // distances from it.
+    let [near, far] = [span.near, span.far].map(|t| f64::from(t) - nearest);
+    let angle = libm::atan2((far - near) * apart, apart2 + near * far);
+    let ratio = (far * far + apart2) / (near * near + apart2);
+    let integral = (far - near) + nearest * libm::log(ratio) + (nearest * nearest - apart2) / apart * angle;
+    let integral = integral.max(0.0);
     (integral / (reach * beacon.solid_angle())) as f32
 }
 

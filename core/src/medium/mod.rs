@@ -9,7 +9,7 @@ pub use phase::Phase;
 use glam::Vec3;
 
 use crate::color::luminance;
-use crate::math::exp;
+use wide::f32x4;
 
 /// A homogeneous medium, coefficients per unit of length by channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,7 +57,7 @@ impl Medium {
 
     /// Share of light that gets through a distance, which may be infinite.
     pub fn transmittance(&self, distance: f32) -> Vec3 {
-        self.sigma_t.map(|sigma| through(sigma, distance))
+        through(self.sigma_t, distance)
     }
 
     /// Decides by `u` whether a path with this throughput is scattered within a length, and where.
@@ -112,9 +112,11 @@ impl Medium {
     }
 }
 
-/// exp(−σt): 1 where there is nothing, however far.
-fn through(sigma: f32, distance: f32) -> f32 {
-    if sigma > 0.0 { exp(-sigma * distance) } else { 1.0 }
+/// exp(−σt) of all channels at a time: 1 where there is nothing, however far.
+fn through(sigma: Vec3, distance: f32) -> Vec3 {
+    let [x, y, z] = (-sigma * distance).to_array();
+    let [x, y, z, _] = f32x4::new([x, y, z, 0.0]).exp().to_array();
+    Vec3::select(sigma.cmpgt(Vec3::ZERO), Vec3::new(x, y, z), Vec3::ONE)
 }
 
 #[cfg(test)]
