@@ -33,6 +33,8 @@ pub enum Decision {
     GatherView(u32, u32),
     /// Point on that light.
     GatherPoint(u32, u32),
+    /// Whether lights are sampled at the surface behind a place where a medium scatters the path.
+    Behind(u32),
 }
 
 impl Decision {
@@ -54,6 +56,7 @@ impl Decision {
             Self::GatherPlace(b, piece) => of(8, b) + (piece << 17),
             Self::GatherView(b, piece) => of(9, b) + (piece << 17),
             Self::GatherPoint(b, piece) => of(10, b) + (piece << 17),
+            Self::Behind(b) => of(11, b),
         }
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! Every contribution has one owner:
 //!
+//! - light that a surface sends on directly from a light belongs to the surface behind the media on a path's way, whether the
+//!   path is scattered before it or not ([`arriving`]);
 //! - light that a medium scatters once more, directly from a light at a finite distance, belongs to the place chosen
 //!   along the whole stretch ([`gather`]), wherever the path itself is scattered;
 //! - the same from lights at infinity belongs to the place where the path is scattered, by light sampling and by
@@ -16,6 +18,7 @@ use super::common::{
     find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
 };
 use super::paths::{Paths, ShadowRay};
+use super::stages::light_up;
 use super::vertex::Vertex;
 use crate::bsdf::BsdfSample;
 use crate::film::Counters;
@@ -63,17 +66,62 @@ pub(super) fn advance(scene: &Scene, bounce: u32, paths: &mut Paths) {
             continue;
         }
         gather(scene, bounce, paths, path);
-        if is_scattered(bounce, paths, path) {
-            continue;
-        }
+        let arriving = arriving(scene, paths, path);
+        let scattered = is_scattered(bounce, paths, path);
         let Some(surface) = arrival.surface else { continue };
         paths.interiors[path] = arrival.interiors;
+        paths.arriving[path] = arriving.light;
+        if scattered {
+            let u = paths.samplers[path].get_1d(Decision::Behind(bounce));
+            if u < arriving.share {
+                see_light(scene, bounce, paths, path, &surface);
+            }
+            continue;
+        }
         paths.scattered[path] = false;
         paths.surfaces.push(surface);
         paths.active[alive] = path as u32;
         alive += 1;
     }
     paths.active.truncate(alive);
+}
+
+/// What of a path arrives at the surface behind the media on its way.
+struct Arriving {
+    /// Its throughput there, over how often lights are sampled there.
+    light: Vec3,
+    /// How often that is done where the path was scattered before.
+    share: f32,
+}
+
+/// Below this transmittance lights are sampled less and less often at surfaces behind places where paths are scattered.
+const DIM: f32 = 0.25;
+
+/// What arrives at the surface behind the pieces of a path's way.
+///
+/// The way to the surface is known, whether the path is scattered before or not. So lights are sampled there either way,
+/// with the transmittance of the whole way: only the rest of the path depends on where it goes on.
+fn arriving(scene: &Scene, paths: &Paths, path: usize) -> Arriving {
+    let (mut beta, mut passes) = (paths.beta[path], 1.0);
+    for Piece { span, medium, .. } in &paths.pieces {
+        let (weight, pass) = medium.pass(beta, span.far - span.near);
+        beta *= weight;
+        passes *= pass;
+    }
+    let share = if scene.strategy() == Strategy::Both { (passes / DIM).min(1.0) } else { 0.0 };
+    if passes <= 0.0 {
+        return Arriving { light: Vec3::ZERO, share: 0.0 };
+    }
+    Arriving { light: beta * (passes / (passes + (1.0 - passes) * share)), share }
+}
+
+/// Samples a light at a surface behind a place where the path is scattered.
+fn see_light(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize, surface: &Surface) {
+    let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
+    if !vertex.is_black() {
+        let glow = glow_at(scene, &vertex, paths, path);
+        light_up(scene, &vertex, glow.as_ref(), paths, (path, bounce));
+    }
 }
 
 /// Where a path gets to if no medium scatters it.
@@ -344,7 +392,7 @@ pub(super) fn glow_at<'a>(
         return None;
     }
     let ray = Ray::new(vertex.receiver().p, paths.rays[path].d);
-    scene.glow(&ray, interiors, paths.beta[path])
+    scene.glow(&ray, interiors, paths.arriving[path])
 }
 
 /// Chooses the direction in which a surface scatters, sometimes towards a glow.

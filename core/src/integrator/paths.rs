@@ -66,6 +66,8 @@ pub struct Paths {
     pub(super) blocked: Vec<bool>,
     /// Inside of what each path is; empty in scenes without media, as are the following.
     pub(super) interiors: Vec<Interiors>,
+    /// What of each path arrives at the surface that it has come to, over how often lights are sampled there.
+    pub(super) arriving: Vec<Vec3>,
     /// Whether a path was scattered by a medium last.
     pub(super) scattered: Vec<bool>,
     /// Places in media where paths are scattered.
@@ -116,6 +118,7 @@ impl Paths {
         self.unseen.resize(n, true);
         self.crossed.clear();
         self.crossed.resize(n, 0.0);
+        self.arriving.clear();
         self.receivers.clear();
         self.receivers.resize(n, Receiver { p: Vec3::ZERO, n: Vec3::ZERO });
         self.hits.clear();
@@ -135,5 +138,6 @@ impl Paths {
         self.interiors.resize(n, interiors);
         self.scattered.clear();
         self.scattered.resize(n, false);
+        self.arriving.resize(n, Vec3::ONE);
     }
 }

@@ -150,13 +150,8 @@ pub(super) fn scatter_all(scene: &Scene, bounce: u32, paths: &mut Paths) {
         if vertex.is_black() {
             continue;
         }
-        let sampler = paths.samplers[path];
         let glow = media::glow_at(scene, &vertex, paths, path);
-        if let Some((ray, light)) = sample_light(scene, &vertex, glow.as_ref(), (&sampler, bounce)) {
-            let contribution = paths.beta[path] * light;
-            let interiors = behind(scene, &vertex, paths, path, ray.d);
-            paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
-        }
+        light_up(scene, &vertex, glow.as_ref(), paths, (path, bounce));
         if scatter(scene, &vertex, glow.as_ref(), paths, (path, bounce)) {
             paths.active[alive] = path as u32;
             alive += 1;
@@ -164,6 +159,22 @@ pub(super) fn scatter_all(scene: &Scene, bounce: u32, paths: &mut Paths) {
     }
     paths.active.truncate(alive);
     paths.surfaces = surfaces;
+}
+
+/// Samples a light at a surface and queues the shadow ray.
+pub(super) fn light_up(
+    scene: &Scene,
+    vertex: &Vertex<'_>,
+    glow: Option<&Glow<'_>>,
+    paths: &mut Paths,
+    (path, bounce): (usize, u32),
+) {
+    let Some((ray, light)) = sample_light(scene, vertex, glow, (&paths.samplers[path], bounce)) else {
+        return;
+    };
+    let contribution = paths.arriving.get(path).copied().unwrap_or(paths.beta[path]) * light;
+    let interiors = behind(scene, vertex, paths, path, ray.d);
+    paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
 }
 
 /// Chooses a light and a point of it: the shadow ray and what it brings, weighed against finding it by scattering.

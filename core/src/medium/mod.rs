@@ -87,6 +87,13 @@ impl Medium {
         }
     }
 
+    /// How often [`Medium::sample`] lets a path with this throughput pass a length, and the factor of its throughput then.
+    pub fn pass(&self, beta: Vec3, length: f32) -> (Vec3, f32) {
+        let through = self.transmittance(length);
+        let often = self.shares(beta, through).dot(through);
+        if often > 0.0 { (through / often, often) } else { (Vec3::ZERO, 0.0) }
+    }
+
     /// Density per unit of length with which [`Medium::sample`] scatters at a distance within a length.
     pub fn density(&self, beta: Vec3, length: f32, distance: f32) -> f32 {
         let shares = self.shares(beta, self.transmittance(length));
