@@ -17,6 +17,8 @@ pub struct RayBoxes {
 
 impl RayBoxes {
     /// Prepares a ray.
+    #[expect(clippy::inline_always, reason = "once a ray, by many callers: 1.5 percent of all instructions")]
+    #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
         let inverse = direction.to_array().map(reciprocal);
         Self {
@@ -36,6 +38,8 @@ pub struct Cast {
 
 impl Cast {
     /// Prepares a ray.
+    #[expect(clippy::inline_always, reason = "once a ray, by many callers: 1.5 percent of all instructions")]
+    #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
         Self { boxes: RayBoxes::new(origin, direction), shear: Shear::new(origin, direction) }
     }

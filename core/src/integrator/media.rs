@@ -120,7 +120,7 @@ fn see_light(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize, surface
     let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
     if !vertex.is_black() {
         let glow = glow_at(scene, &vertex, paths, path);
-        light_up(scene, &vertex, glow.as_ref(), paths, (path, bounce));
+        light_up::<true>(scene, &vertex, glow.as_ref(), paths, (path, bounce));
     }
 }
 

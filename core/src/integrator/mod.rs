@@ -67,7 +67,7 @@ fn trace_through(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
             media::shadow(scene, paths, counters);
             break;
         }
-        stages::scatter_all(scene, bounce, paths);
+        stages::scatter_all::<true>(scene, bounce, paths);
         media::scatter(scene, bounce, paths);
         media::shadow(scene, paths, counters);
         if paths.active.is_empty() {
