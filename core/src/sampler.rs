@@ -33,6 +33,10 @@ pub enum Decision {
     GatherView(u32, u32),
     /// Point on that light.
     GatherPoint(u32, u32),
+    /// Which light at infinity to sample, beside one at a finite distance.
+    InfiniteChoice(u32),
+    /// Point on that light.
+    InfinitePoint(u32),
     /// Whether lights are sampled at the surface behind a place where a medium scatters the path.
     Behind(u32),
 }
@@ -57,6 +61,8 @@ impl Decision {
             Self::GatherView(b, piece) => of(9, b) + (piece << 17),
             Self::GatherPoint(b, piece) => of(10, b) + (piece << 17),
             Self::Behind(b) => of(11, b),
+            Self::InfiniteChoice(b) => of(12, b),
+            Self::InfinitePoint(b) => of(13, b),
         }
     }
 }

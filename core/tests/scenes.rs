@@ -41,6 +41,7 @@ fn every_scene_renders() {
         ("cornell.json", 0.05..2.0),
         ("blend.json", 0.02..2.0),
         ("furnace.json", 0.9..1.1),
+        ("cave/cave.json", 0.01..2.0),
     ] {
         renders(file, &light);
     }

@@ -8,7 +8,7 @@ use super::media;
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
 use crate::film::Counters;
-use crate::light::{Glow, LightSample};
+use crate::light::{Glow, LightSample, Side};
 use crate::math::{Ray, offset_origin};
 use crate::sampler::{Decision, Sampler};
 use crate::scene::{Hit, Interiors, Scene, Strategy};
@@ -161,7 +161,7 @@ pub(super) fn scatter_all<const MEDIA: bool>(scene: &Scene, bounce: u32, paths: 
     paths.surfaces = surfaces;
 }
 
-/// Samples a light at a surface and queues the shadow ray.
+/// Samples a light at a surface, or one of each kind, and queues the shadow rays.
 #[inline]
 pub(super) fn light_up<const MEDIA: bool>(
     scene: &Scene,
@@ -170,13 +170,18 @@ pub(super) fn light_up<const MEDIA: bool>(
     paths: &mut Paths,
     (path, bounce): (usize, u32),
 ) {
-    let Some((ray, light)) = sample_light(scene, vertex, glow, (&paths.samplers[path], bounce)) else {
-        return;
-    };
-    let arriving = if MEDIA { paths.arriving[path] } else { paths.beta[path] };
-    let contribution = arriving * light;
-    let interiors = if MEDIA { behind(scene, vertex, paths, path, ray.d) } else { Interiors::OUTSIDE };
-    paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+    let sides: &[Option<Side>] =
+        if scene.has_sides() { &[Some(Side::Near), Some(Side::Infinite)] } else { &[None] };
+    for &side in sides {
+        let Some((ray, light)) = sample_light(scene, vertex, glow, (&paths.samplers[path], bounce), side)
+        else {
+            continue;
+        };
+        let arriving = if MEDIA { paths.arriving[path] } else { paths.beta[path] };
+        let contribution = arriving * light;
+        let interiors = if MEDIA { behind(scene, vertex, paths, path, ray.d) } else { Interiors::OUTSIDE };
+        paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+    }
 }
 
 /// Chooses a light and a point of it: the shadow ray and what it brings, weighed against finding it by scattering.
@@ -187,14 +192,22 @@ fn sample_light(
     vertex: &Vertex<'_>,
     glow: Option<&Glow<'_>>,
     (sampler, bounce): (&Sampler, u32),
+    side: Option<Side>,
 ) -> Option<(Ray, Vec3)> {
     if vertex.bsdf.is_delta() {
         return None;
     }
     let receiver = vertex.receiver();
-    let (light, choice) = scene.choose_light(&receiver, sampler.get_1d(Decision::LightChoice(bounce)))?;
-    let sample =
-        scene.lights().all()[light].sample(&receiver, sampler.get_2d(Decision::LightPoint(bounce)))?;
+    let (which, point) = match side {
+        None | Some(Side::Near) => (Decision::LightChoice(bounce), Decision::LightPoint(bounce)),
+        Some(Side::Infinite) => (Decision::InfiniteChoice(bounce), Decision::InfinitePoint(bounce)),
+    };
+    let u = sampler.get_1d(which);
+    let (light, choice) = match side {
+        None => scene.choose_light(&receiver, u)?,
+        Some(side) => scene.lights().choose_of(side, &receiver, u)?,
+    };
+    let sample = scene.lights().all()[light].sample(&receiver, sampler.get_2d(point))?;
     let (f, scattered) = vertex.bsdf.scatter(vertex.wo, vertex.to_local(sample.wi)?);
     if f == Vec3::ZERO {
         return None;

@@ -19,9 +19,9 @@ pub struct Lights {
     /// Numbers of the lights that are weighed by themselves: those at infinity, and spotlights.
     exact: Vec<u32>,
     /// Numbers of the lights at infinity.
-    infinite: Vec<u32>,
+    pub(super) infinite: Vec<u32>,
     /// Over many lights.
-    tree: Option<Tree>,
+    pub(super) tree: Option<Tree>,
     /// Squared distance below which lights do not gain weight, so that weights stay finite.
     nearest2: f32,
     /// Those at a finite distance, as media see them.
@@ -108,8 +108,13 @@ impl Lights {
 
     /// Probability with which [`Lights::choose_infinite`] takes a light.
     pub fn infinite_pdf(&self, from: &Receiver, index: usize) -> f32 {
-        let total: f32 = self.infinite.iter().map(|&i| self.importance(i as usize, from)).sum();
+        let total = self.infinite_total(from);
         if total > 0.0 { self.importance(index, from) / total } else { 0.0 }
+    }
+
+    /// What all lights at infinity may bring to a receiver.
+    pub(super) fn infinite_total(&self, from: &Receiver) -> f32 {
+        self.infinite.iter().map(|&i| self.importance(i as usize, from)).sum()
     }
 
     /// Lights at infinity along a ray that leaves the scene: number, radiance, and the density per solid angle of
@@ -161,7 +166,7 @@ impl Lights {
         if weight.is_finite() { weight } else { 0.0 }
     }
 
-    fn view<'a>(&'a self, from: &'a Receiver) -> View<'a, impl Fn(usize) -> f32> {
+    pub(super) fn view<'a>(&'a self, from: &'a Receiver) -> View<'a, impl Fn(usize) -> f32> {
         View { from, nearest2: self.nearest2, exact: |index| self.importance(index, from) }
     }
 
@@ -183,7 +188,7 @@ impl Lights {
     }
 
     /// The weights of few lights, and their sum.
-    fn importances(&self, from: &Receiver) -> ([f32; Self::WEIGH_ALL], f32) {
+    pub(super) fn importances(&self, from: &Receiver) -> ([f32; Self::WEIGH_ALL], f32) {
         let mut weights = [0.0; Self::WEIGH_ALL];
         for (weights, balls) in weights.chunks_exact_mut(8).zip(&self.few) {
             weights.copy_from_slice(&balls.importance(from, self.nearest2).0);

@@ -59,6 +59,7 @@ impl Scene {
         let has_holes = objects.iter().any(|object| object.holes);
         let function_names = description.sdf_objects.iter().map(|(name, _)| name.to_owned()).collect();
         let film = &description.film;
+        let lights = Lights::new(lights, &trees.tree.bounds());
         Ok(Self {
             size: frame_size(description),
             window: window(description),
@@ -69,7 +70,8 @@ impl Scene {
             filter: filter(film.filter),
             max_depth: description.integrator.max_depth,
             roulette_depth: description.integrator.roulette_depth,
-            lights: Lights::new(lights, &trees.tree.bounds()),
+            sides: lights.has_both_sides(),
+            lights,
             objects,
             trees,
             materials,

@@ -49,6 +49,8 @@ pub struct Scene {
     pub(super) trees: Trees,
     pub(super) materials: Vec<Material>,
     pub(super) lights: Lights,
+    /// Whether there are lights at a finite distance and at infinity.
+    pub(super) sides: bool,
     /// Numbers of the lights that primitives of objects are; `u32::MAX` for those that are none.
     pub(super) emitters: Vec<u32>,
     /// Whether some surface is there in part only, so that rays may have to cross it.
@@ -135,10 +137,18 @@ impl Scene {
         (count > 0).then(|| (((u * count as f32) as usize).min(count - 1), 1.0 / count as f32))
     }
 
-    /// Probability with which [`Scene::choose_light`] takes a light.
+    /// Whether lights at a finite distance and lights at infinity are sampled side by side ([`Lights::choose_of`]).
+    pub(crate) fn has_sides(&self) -> bool {
+        self.sides && self.strategy == Strategy::Both
+    }
+
+    /// Probability with which [`Scene::choose_light`] takes a light, or with sides [`Lights::choose_of`].
     pub(crate) fn light_choice_pdf(&self, from: &Receiver, index: usize) -> f32 {
         if self.strategy == Strategy::BlindChoice {
             return 1.0 / self.lights.all().len() as f32;
+        }
+        if self.has_sides() {
+            return self.lights.choice_of_pdf(from, index);
         }
         self.lights.choice_pdf(from, index)
     }

@@ -2,7 +2,8 @@
 
 use super::{facing_up, numbers, points, rectangle, scattered, triangle, vector_irradiance};
 use crate::light::{
-    EnvironmentLight, Light, Lights, PointLight, Receiver, SphereLight, SpotFalloff, SpotLight, SunLight,
+    EnvironmentLight, Light, Lights, PointLight, Receiver, Side, SphereLight, SpotFalloff, SpotLight,
+    SunLight,
 };
 use crate::math::Aabb;
 use glam::{DVec3, Vec2, Vec3};
@@ -89,6 +90,34 @@ fn many_lights_are_chosen_as_often_as_is_told() {
             let none = numbers(1, 1024).filter(|u| all.choose(&from, *u).is_none()).count();
             assert!((sum + none as f32 / 1024.0 - 1.0).abs() < 0.02, "{sum} {none}");
             assert_choices_follow(&all, &from, 4096);
+        }
+    }
+}
+
+#[test]
+fn kinds_are_chosen_from_as_often_as_is_told() {
+    let mut lights: Vec<Light> = many(300).into_iter().map(|(light, _)| light).collect();
+    lights.push(Light::Sun(SunLight::new(DVec3::NEG_Z, Vec3::splat(3.0), 0.5)));
+    lights.push(Light::Environment(EnvironmentLight::constant(Vec3::splat(0.1))));
+    for lights in [one_of_each(), lights] {
+        let all = Lights::new(lights, &whole());
+        assert!(all.has_both_sides());
+        for from in receivers().chain(receivers().map(|r| Receiver { n: Vec3::ZERO, ..r })) {
+            let n = 4096;
+            let mut counts = vec![0.0; all.all().len()];
+            for side in [Side::Near, Side::Infinite] {
+                for u in numbers(0, n) {
+                    let Some((light, pdf)) = all.choose_of(side, &from, u) else { continue };
+                    assert_eq!(Side::of(&all.all()[light]), side);
+                    let told = all.choice_of_pdf(&from, light);
+                    assert!((pdf / told - 1.0).abs() < 1e-4, "light {light}: {pdf}, told {told}");
+                    counts[light] += 1.0;
+                }
+            }
+            for (light, count) in counts.into_iter().enumerate() {
+                let expected = f64::from(all.choice_of_pdf(&from, light)) * f64::from(n);
+                assert!((count - expected).abs() <= 2.1, "light {light}: {count}, expected {expected}");
+            }
         }
     }
 }
