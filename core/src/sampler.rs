@@ -37,6 +37,10 @@ pub enum Decision {
     InfiniteChoice(u32),
     /// Point on that light.
     InfinitePoint(u32),
+    /// Which light at infinity is gathered in a medium, and where: as for [`Decision::Distance`].
+    GatherSky(u32, u32),
+    /// Point on that light.
+    GatherSkyPoint(u32, u32),
     /// Whether lights are sampled at the surface behind a place where a medium scatters the path.
     Behind(u32),
 }
@@ -63,6 +67,8 @@ impl Decision {
             Self::Behind(b) => of(11, b),
             Self::InfiniteChoice(b) => of(12, b),
             Self::InfinitePoint(b) => of(13, b),
+            Self::GatherSky(b, piece) => of(14, b) + (piece << 17),
+            Self::GatherSkyPoint(b, piece) => of(15, b) + (piece << 17),
         }
     }
 }

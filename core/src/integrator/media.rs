@@ -6,8 +6,8 @@
 //!   path is scattered before it or not ([`arriving`]);
 //! - light that a medium scatters once more, directly from a light at a finite distance, belongs to the place chosen
 //!   along the whole stretch ([`gather`]), wherever the path itself is scattered;
-//! - the same from lights at infinity belongs to the place where the path is scattered, by light sampling and by
-//!   scattering, weighed against each other (MIS);
+//! - the same from lights at infinity belongs to a place where the path might be scattered ([`gather_sky`]), and to the
+//!   direction of the path where it is, weighed against each other (MIS);
 //! - light that a path runs into belongs to the stretch before it, with the transmittance of all of it, whether the path
 //!   is scattered there or not; but for lights at a finite distance after a place in a medium, which are gathered.
 //!
@@ -66,6 +66,7 @@ pub(super) fn advance(scene: &Scene, bounce: u32, paths: &mut Paths) {
             continue;
         }
         gather(scene, bounce, paths, path);
+        gather_sky(scene, bounce, paths, path);
         let arriving = arriving(scene, paths, path);
         let scattered = is_scattered(bounce, paths, path);
         let Some(surface) = arrival.surface else { continue };
@@ -259,6 +260,73 @@ fn gather(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
     }
 }
 
+/// Below this probability of being scattered on a piece lights at infinity are gathered there less and less often.
+const THIN: f32 = 0.1;
+
+/// Sends a shadow ray from a place on every piece of a path's way to a light at infinity, weighed against finding it by
+/// scattering there.
+///
+/// The place is one where the path might be scattered, whether it is or not: in thin mist it seldom is.
+fn gather_sky(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
+    if scene.strategy() != Strategy::Both || !scene.lights().has_infinite() {
+        return;
+    }
+    for number in 0..paths.pieces.len() {
+        let Piece { span, medium, interiors, before } = paths.pieces[number];
+        let (sampler, piece) = (paths.samplers[path], number as u32);
+        let u = sampler.get_2d(Decision::GatherSky(bounce, piece));
+        let v = sampler.get_2d(Decision::GatherSkyPoint(bounce, piece));
+        let beta = paths.beta[path] * before;
+        let sky = Sky { span, medium: &medium, interiors, beta };
+        if let Some((ray, contribution)) =
+            sky.gather(scene, [u, v], sampler.get_1d(Decision::Distance(bounce, piece)))
+        {
+            paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+        }
+    }
+}
+
+/// A piece of a path's way as light from infinity sees it.
+struct Sky<'a> {
+    span: Span,
+    medium: &'a Medium,
+    interiors: Interiors,
+    /// Throughput of the path where the piece begins.
+    beta: Vec3,
+}
+
+impl Sky<'_> {
+    /// A shadow ray and what it brings, by random numbers for the light and the place, and for the point of the light and
+    /// the channel.
+    fn gather(&self, scene: &Scene, [u, v]: [Vec2; 2], channel: f32) -> Option<(Ray, Vec3)> {
+        let &Self { span, medium, interiors, beta } = self;
+        if !medium.scatters() {
+            return None;
+        }
+        let length = span.far - span.near;
+        let often = (medium.scattered(beta, length) / THIN).min(1.0);
+        if u.y >= often {
+            return None;
+        }
+        let (distance, density) = medium.place(beta, length, [channel, u.y / often])?;
+        let p = span.o + span.d * (span.near + distance);
+        let from = Receiver { p, n: Vec3::ZERO };
+        let (light, choice) = scene.lights().choose_infinite(&from, u.x)?;
+        let sample = scene.lights().all()[light].sample(&from, v)?;
+        let scattered = medium.phase().value(span.d, sample.wi);
+        let here = beta * medium.transmittance(distance) * medium.sigma_s();
+        let pdf = sample.pdf * choice;
+        let weight = if sample.delta {
+            1.0
+        } else {
+            let glow = scene.glow(&Ray::new(p, span.d), interiors, here);
+            power_heuristic(pdf, glow.map_or(scattered, |glow| glow.mixed(sample.wi, scattered)))
+        };
+        let contribution = here * sample.radiance * (scattered * weight / (pdf * density * often));
+        Some((shadow_ray_from(p, &sample), contribution))
+    }
+}
+
 /// Decides whether a path is scattered on its way, and notes where.
 fn is_scattered(bounce: u32, paths: &mut Paths, path: usize) -> bool {
     for number in 0..paths.pieces.len() {
@@ -298,29 +366,26 @@ pub(super) fn scatter(scene: &Scene, bounce: u32, paths: &mut Paths) {
     paths.places = places;
 }
 
-/// Sends a shadow ray to a light at infinity, or by other strategies to any.
+/// Sends a shadow ray to a light, where all are not gathered.
 fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Option<&Glow<'_>>) {
+    let strategy = scene.strategy();
+    if matches!(strategy, Strategy::Both | Strategy::Scattering) {
+        return;
+    }
     let path = place.path as usize;
     let from = Receiver { p: place.p, n: Vec3::ZERO };
     let sampler = paths.samplers[path];
     let u = sampler.get_1d(Decision::LightChoice(bounce));
-    let strategy = scene.strategy();
-    let chosen = match strategy {
-        Strategy::Both => scene.lights().choose_infinite(&from, u),
-        Strategy::Scattering | Strategy::Lights | Strategy::BlindChoice => scene.choose_light(&from, u),
-    };
-    let Some((light, choice)) = chosen else { return };
+    let Some((light, choice)) = scene.choose_light(&from, u) else { return };
     let u = sampler.get_2d(Decision::LightPoint(bounce));
     let Some(sample) = scene.lights().all()[light].sample(&from, u) else { return };
     let scattered = place.medium.phase().value(place.along, sample.wi);
     let pdf = sample.pdf * choice;
     let weight = match strategy {
-        _ if sample.delta => 1.0,
-        Strategy::Both | Strategy::BlindChoice => {
+        Strategy::BlindChoice if !sample.delta => {
             power_heuristic(pdf, glow.map_or(scattered, |glow| glow.mixed(sample.wi, scattered)))
         }
-        Strategy::Scattering => return,
-        Strategy::Lights => 1.0,
+        _ => 1.0,
     };
     let contribution = paths.beta[path] * sample.radiance * (scattered * weight / pdf);
     let ray = shadow_ray_from(place.p, &sample);

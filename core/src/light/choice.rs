@@ -99,6 +99,11 @@ impl Lights {
         }
     }
 
+    /// Whether there are lights at infinity.
+    pub fn has_infinite(&self) -> bool {
+        !self.infinite.is_empty()
+    }
+
     /// Chooses a light at infinity by `u`: its number and the probability of the choice. `None` without any.
     pub fn choose_infinite(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
         let weights = self.infinite.iter().map(|&i| (i as usize, self.importance(i as usize, from)));

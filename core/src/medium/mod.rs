@@ -94,6 +94,29 @@ impl Medium {
         if often > 0.0 { (through / often, often) } else { (Vec3::ZERO, 0.0) }
     }
 
+    /// How often [`Medium::sample`] scatters a path with this throughput within a length.
+    pub fn scattered(&self, beta: Vec3, length: f32) -> f32 {
+        let through = self.transmittance(length);
+        self.shares(beta, through).dot(Vec3::ONE - through)
+    }
+
+    /// A place within a length where a path with this throughput is scattered, if it is: the distance, and its density per
+    /// unit of length. `None` where it never is.
+    pub fn place(&self, beta: Vec3, length: f32, [choice, u]: [f32; 2]) -> Option<(f32, f32)> {
+        let through = self.transmittance(length);
+        let shares = self.shares(beta, through) * (Vec3::ONE - through);
+        let often = shares.element_sum();
+        if often <= 0.0 || often.is_nan() {
+            return None;
+        }
+        let rest = choice * often;
+        let channel = if rest < shares.x { 0 } else { 1 + usize::from(rest >= shares.x + shares.y) };
+        let channel = if shares[channel] > 0.0 { channel } else { shares.max_position() };
+        let distance = -libm::log1pf(-u * (1.0 - through[channel])) / self.sigma_t[channel];
+        let distance = distance.min(length);
+        Some((distance, self.density(beta, length, distance) / often))
+    }
+
     /// Density per unit of length with which [`Medium::sample`] scatters at a distance within a length.
     pub fn density(&self, beta: Vec3, length: f32, distance: f32) -> f32 {
         let shares = self.shares(beta, self.transmittance(length));
