@@ -70,7 +70,7 @@ fn lit(case: &Case, medium: &Medium) -> [f32; 2] {
     let places = (0..STEPS).map(|step| (step as f32 + 0.5) / STEPS as f32 * case.length);
     let mut shines = places.filter(|&t| case.at(medium, t, false) > 0.0);
     let first = shines.next().expect("the light shines on the segment");
-    [first, shines.last().unwrap_or(first)]
+    [first, shines.next_back().unwrap_or(first)]
 }
 
 /// Relative variance of one sample by tables, by the angle at the light within its cone, and by distance.

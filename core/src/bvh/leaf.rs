@@ -83,7 +83,7 @@ fn meet([a, b, c]: [[f32x8; 3]; 3], count: usize, t_max: f32) -> (u32, Met) {
     let lanes = (1_u32 << count) - 1;
     let unsure = (u.simd_eq(zero) | v.simd_eq(zero) | w.simd_eq(zero)).to_bitmask() & lanes;
     if unsure != 0 {
-        [u, v, w] = edges_in_double([a, b, c], [u, v, w], unsure);
+        [u, v, w] = edges_in_double(&[a, b, c], [u, v, w], unsure);
     }
     let negative = u.simd_lt(zero) | v.simd_lt(zero) | w.simd_lt(zero);
     let positive = u.simd_gt(zero) | v.simd_gt(zero) | w.simd_gt(zero);
@@ -99,8 +99,8 @@ fn meet([a, b, c]: [[f32x8; 3]; 3], count: usize, t_max: f32) -> (u32, Met) {
 /// The edge functions of some lanes again, where single precision cannot tell the side; products of floats are exact in
 /// double.
 #[cold]
-fn edges_in_double(corners: [[f32x8; 3]; 3], single: [f32x8; 3], lanes: u32) -> [f32x8; 3] {
-    let [a, b, c] = corners.map(|corner| corner.map(f32x8::to_array));
+fn edges_in_double(corners: &[[f32x8; 3]; 3], single: [f32x8; 3], lanes: u32) -> [f32x8; 3] {
+    let [a, b, c] = corners.each_ref().map(|corner| corner.map(f32x8::to_array));
     let mut edges = single.map(f32x8::to_array);
     for lane in (0..LANES).filter(|lane| lanes >> lane & 1 == 1) {
         let edge = |p: &[[f32; LANES]; 3], q: &[[f32; LANES]; 3]| {

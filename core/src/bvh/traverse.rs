@@ -92,7 +92,7 @@ impl Bvh {
         let mut next = (0.0, self.root);
         loop {
             let (t, code) = next;
-            let mut mask = 0;
+            let mut nearest = None;
             if t > *t_max {
                 // Something nearer was hit since.
             } else if code & LEAF != 0 {
@@ -101,33 +101,47 @@ impl Bvh {
                     return true;
                 }
             } else {
-                let entry;
-                (mask, entry) = self.hit_children(code, ray, *t_max);
-                let children = &self.nodes[code as usize].child;
-                let bottom = depth;
-                while mask & mask.wrapping_sub(1) != 0 {
-                    let i = mask.trailing_zeros() as usize;
-                    mask &= mask - 1;
-                    depth += insert(&mut stack, bottom, depth, (entry[i], children[i]));
-                }
-                if mask != 0 {
-                    let i = mask.trailing_zeros() as usize;
-                    next = (entry[i], children[i]);
-                    if depth > bottom && stack[depth - 1].0 < next.0 {
-                        // Not the nearest after all.
-                        depth += insert(&mut stack, bottom, depth, next);
-                        mask = 0;
-                    }
-                }
+                nearest = self.descend(code, ray, *t_max, (&mut stack, &mut depth));
             }
-            if mask == 0 {
-                if depth == 0 {
-                    return false;
-                }
+            if let Some(nearest) = nearest {
+                next = nearest;
+            } else if depth == 0 {
+                return false;
+            } else {
                 depth -= 1;
                 next = stack[depth];
             }
         }
+    }
+
+    /// Puts the children of a node that the ray enters on the stack, the nearest on top; `Some` is the nearest that need not
+    /// go there.
+    #[inline]
+    fn descend(
+        &self,
+        node: u32,
+        ray: &RayBoxes,
+        t_max: f32,
+        (stack, depth): (&mut [(f32, u32)], &mut usize),
+    ) -> Option<(f32, u32)> {
+        let (mut mask, entry) = self.hit_children(node, ray, t_max);
+        let children = &self.nodes[node as usize].child;
+        let bottom = *depth;
+        let mut last = None;
+        while mask != 0 {
+            let i = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            if let Some(child) = last.replace((entry[i], children[i])) {
+                *depth += insert(stack, bottom, *depth, child);
+            }
+        }
+        let child = last?;
+        if *depth > bottom && stack[*depth - 1].0 < child.0 {
+            // Not the nearest after all.
+            *depth += insert(stack, bottom, *depth, child);
+            return None;
+        }
+        Some(child)
     }
 
     /// Which children the ray enters before `t_max`, and where.

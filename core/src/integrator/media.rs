@@ -385,7 +385,7 @@ fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, gl
         Strategy::BlindChoice if !sample.delta => {
             power_heuristic(pdf, glow.map_or(scattered, |glow| glow.mixed(sample.wi, scattered)))
         }
-        _ => 1.0,
+        Strategy::BlindChoice | Strategy::Lights | Strategy::Both | Strategy::Scattering => 1.0,
     };
     let contribution = paths.beta[path] * sample.radiance * (scattered * weight / pdf);
     let ray = shadow_ray_from(place.p, &sample);

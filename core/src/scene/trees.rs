@@ -178,8 +178,8 @@ mod tests {
         sphere_uniform(Sampler::new(Stream::new(7, 1), [i, 0], Replicate::A, 0).get_2d(decision))
     }
 
-    fn object(mesh: &Arc<PreparedMesh>, transform: Transform, holes: bool) -> Object {
-        let shape = Shape::Mesh { mesh: Arc::clone(mesh), transform, flat: false, flip_v: false };
+    fn object(mesh: &Arc<PreparedMesh>, transform: &Transform, holes: bool) -> Object {
+        let shape = Shape::Mesh { mesh: Arc::clone(mesh), transform: *transform, flat: false, flip_v: false };
         let needs = Needs::default();
         Object { shape, material: 0, emitter: None, flip: false, needs, holes, interior: None }
     }
@@ -203,11 +203,11 @@ mod tests {
         };
         let far = DVec3::new(3000.0, -1000.0, 500.0);
         vec![
-            object(&mesh(), Transform::IDENTITY, false),
-            object(&mesh(), place(DVec3::new(1.0, 2.0, 0.5), 1.0, DVec3::new(2.0, 0.3, -1.0)), false),
-            object(&mesh(), place(DVec3::new(-1.0, 1.0, 1.0), 0.4, DVec3::new(-2.0, 1.3, 1.0)), true),
-            object(&mesh(), place(DVec3::splat(40.0), 2.2, far), false),
-            object(&mesh(), place(DVec3::splat(0.01), 0.9, DVec3::new(0.0, 2.0, 0.0)), false),
+            object(&mesh(), &Transform::IDENTITY, false),
+            object(&mesh(), &place(DVec3::new(1.0, 2.0, 0.5), 1.0, DVec3::new(2.0, 0.3, -1.0)), false),
+            object(&mesh(), &place(DVec3::new(-1.0, 1.0, 1.0), 0.4, DVec3::new(-2.0, 1.3, 1.0)), true),
+            object(&mesh(), &place(DVec3::splat(40.0), 2.2, far), false),
+            object(&mesh(), &place(DVec3::splat(0.01), 0.9, DVec3::new(0.0, 2.0, 0.0)), false),
         ]
     }
 
@@ -273,7 +273,7 @@ mod tests {
         let second = Trees::new(&objects, &kept).expect("a tree");
         assert!(Arc::ptr_eq(&first.soup, &second.soup));
         let moved = Transform::new(DAffine3::from_translation(DVec3::Y)).expect("can be undone");
-        objects[0] = object(&mesh(), moved, false);
+        objects[0] = object(&mesh(), &moved, false);
         let third = Trees::new(&objects, &kept).expect("a tree");
         assert!(!Arc::ptr_eq(&first.soup, &third.soup));
     }

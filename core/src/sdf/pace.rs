@@ -178,12 +178,11 @@ impl<R: Logic> Pace<R> {
 
     /// The least step from a place along the ray where a value has a rounding error.
     pub(super) fn least_step(&self, limits: &Limits, noise: R) -> R {
-        let wanted = match limits.hit_epsilon {
-            Some(epsilon) => R::splat(epsilon),
-            None => {
-                let travelled = self.course.start + self.at;
-                (self.course.epsilon * travelled).min(R::splat(limits.largest_hit_epsilon))
-            }
+        let wanted = if let Some(epsilon) = limits.hit_epsilon {
+            R::splat(epsilon)
+        } else {
+            let travelled = self.course.start + self.at;
+            (self.course.epsilon * travelled).min(R::splat(limits.largest_hit_epsilon))
         };
         (R::splat(2.0) * wanted).max(R::splat(4.0) * blur(self.at, noise))
     }
