@@ -86,6 +86,7 @@ pub enum Replicate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sampler {
     key: u64,
+    /// The sample's index, its bits reversed.
     index: u32,
 }
 
@@ -95,27 +96,22 @@ impl Sampler {
     pub fn new(stream: Stream, pixel: [u32; 2], replicate: Replicate, index: u32) -> Self {
         let place = u64::from(pixel[0]) << 32 | u64::from(pixel[1]);
         let key = mix64(mix64(stream.0 ^ mix64(place)) ^ replicate as u64);
-        Self { key, index }
+        Self { key, index: index.reverse_bits() }
     }
 
     /// One number in [0, 1).
     #[inline]
     pub fn get_1d(&self, decision: Decision) -> f32 {
         let seeds = self.seeds(decision);
-        let i = owen_scramble_index(self.index, seeds.shuffle);
-        to_unit(owen_scramble(i.reverse_bits(), seeds.x))
+        to_unit(first(shuffled(self.index, seeds.shuffle), seeds.x))
     }
 
     /// A point in [0, 1)².
     #[inline]
     pub fn get_2d(&self, decision: Decision) -> Vec2 {
         let seeds = self.seeds(decision);
-        let i = owen_scramble_index(self.index, seeds.shuffle);
-        let reversed = i.reverse_bits();
-        Vec2::new(
-            to_unit(owen_scramble(reversed, seeds.x)),
-            to_unit(owen_scramble(sobol_second(reversed), seeds.y)),
-        )
+        let index = shuffled(self.index, seeds.shuffle);
+        Vec2::new(to_unit(first(index, seeds.x)), to_unit(second(index, seeds.y)))
     }
 
     #[inline]
@@ -164,28 +160,35 @@ fn laine_karras(mut x: u32, seed: u32) -> u32 {
     x
 }
 
-/// Owen-scrambles the bits of a coordinate, most significant first.
+/// Shuffles sample indices, given with their bits reversed, so that every aligned block of 2ᵐ indices maps onto an aligned
+/// block of 2ᵐ.
 #[inline]
-fn owen_scramble(x: u32, seed: u32) -> u32 {
-    laine_karras(x.reverse_bits(), seed).reverse_bits()
+fn shuffled(reversed: u32, seed: u32) -> u32 {
+    laine_karras(reversed, seed).reverse_bits()
 }
 
-/// Shuffles sample indices so that every aligned block of 2ᵐ indices maps onto an aligned block of 2ᵐ.
+/// The first Sobol dimension, which is the index with its bits reversed, Owen-scrambled from its most significant bit on.
 #[inline]
-fn owen_scramble_index(index: u32, seed: u32) -> u32 {
-    owen_scramble(index, seed)
+fn first(index: u32, seed: u32) -> u32 {
+    laine_karras(index, seed).reverse_bits()
 }
 
-/// The second Sobol dimension from the bit-reversed index: the Pascal matrix modulo 2, which is the fifth Kronecker
+/// The second Sobol dimension, Owen-scrambled.
+#[inline]
+fn second(index: u32, seed: u32) -> u32 {
+    laine_karras(sobol_second(index), seed).reverse_bits()
+}
+
+/// The second Sobol dimension, its bits reversed, from the index: the Pascal matrix modulo 2, which is the fifth Kronecker
 /// power of [[1, 1], [0, 1]] and so takes five steps instead of 32.
 #[inline]
-fn sobol_second(reversed: u32) -> u32 {
-    let mut x = reversed;
-    x ^= x << 16 & !0x0000_ffff;
-    x ^= x << 8 & !0x00ff_00ff;
-    x ^= x << 4 & !0x0f0f_0f0f;
-    x ^= x << 2 & !0x3333_3333;
-    x ^= x << 1 & !0x5555_5555;
+fn sobol_second(index: u32) -> u32 {
+    let mut x = index;
+    x ^= x >> 16 & 0x0000_ffff;
+    x ^= x >> 8 & 0x00ff_00ff;
+    x ^= x >> 4 & 0x0f0f_0f0f;
+    x ^= x >> 2 & 0x3333_3333;
+    x ^= x >> 1 & 0x5555_5555;
     x
 }
 
@@ -213,7 +216,7 @@ mod tests {
                 }
                 v ^= v >> 1;
             }
-            assert_eq!(sobol_second(i.reverse_bits()), want, "index {i}");
+            assert_eq!(sobol_second(i).reverse_bits(), want, "index {i}");
         }
     }
 
