@@ -154,6 +154,25 @@ fn a_spotlight_scatters_once_as_by_quadrature() {
 }
 
 #[test]
+fn the_sun_is_scattered_once_as_by_the_integral() {
+    // A slab across the view, 1.5 thick and 9 high, under a sun at its zenith: sunlight comes 4.5 deep to the line of sight.
+    for (name, density) in [("mist", 1.0), ("thin mist, where few places are looked at", 0.02)] {
+        let slab = r#""sdf_objects": {"slab": {"material": "nothing", "interior": "fog", "transform": {"translate": [0, 0, -2]},
+            "tree": {"type": "box", "size": [9, 9, 1.5]}}}"#;
+        let Fog { sigma_a, sigma_s, g } = FOG;
+        let members = format!(
+            r#""media": {{"fog": {{"sigma_a": {sigma_a:?}, "sigma_s": {sigma_s:?}, "g": {g}, "density": {density}}}}}, {slab},
+               "lights": {{"sun": {{"type": "sun", "direction": [0, -1, 0], "irradiance": [2, 2, 2], "angular_size": 0}}}}"#
+        );
+        let expected = std::array::from_fn(|c| {
+            let (sigma_t, albedo) = (density * FOG.sigma_t(c), FOG.sigma_s[c] / FOG.sigma_t(c));
+            2.0 * FOG.phase(0.0) * albedo * libm::exp(-sigma_t * 4.5) * -libm::expm1(-sigma_t * 1.5)
+        });
+        agrees(name, &looking(1024, 2, &members), expected, 2e-3);
+    }
+}
+
+#[test]
 fn nothing_is_lost_in_a_furnace() {
     // Walls that reflect half and shine as much as they lack; fog that absorbs nothing changes nothing.
     for (name, sigma, g) in

@@ -68,13 +68,10 @@ pub(super) fn shadow_ray_from(origin: Vec3, sample: &LightSample) -> Ray {
     }
 }
 
-/// Inside of what a ray is that leaves a surface along `wi`.
+/// Inside of what a ray is that leaves a surface along `wi`, in a scene with media.
 pub(super) fn behind(scene: &Scene, vertex: &Vertex<'_>, paths: &Paths, path: usize, wi: Vec3) -> Interiors {
-    match paths.interiors.get(path) {
-        Some(&interiors) if vertex.passes(wi) => scene.beyond(interiors, vertex.surface, wi),
-        Some(&interiors) => interiors,
-        None => Interiors::OUTSIDE,
-    }
+    let interiors = paths.interiors[path];
+    if vertex.passes(wi) { scene.beyond(interiors, vertex.surface, wi) } else { interiors }
 }
 
 /// Finds the shadow rays that something whole is in the way of.

@@ -452,7 +452,7 @@ pub(super) fn glow_at<'a>(
     paths: &Paths,
     path: usize,
 ) -> Option<Glow<'a>> {
-    let &interiors = paths.interiors.get(path)?;
+    let interiors = paths.interiors[path];
     if vertex.bsdf.is_delta() || vertex.bsdf.transmits() {
         return None;
     }
