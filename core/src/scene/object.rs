@@ -19,7 +19,7 @@ pub struct PreparedMesh {
     /// Triangles in the units of the file.
     pub mesh: Mesh,
     bounds: Aabb,
-    /// The tree over them, for objects that are not in the tree of all: built when it is first asked for.
+    /// The tree over them, built when it is first asked for: by objects that are not in the tree of all ([`Object::prepare`]).
     tree: OnceLock<TriangleBvh>,
 }
 
@@ -161,6 +161,13 @@ impl Object {
                 Aabb { min: *center - reach, max: *center + reach }
             }
             Shape::Sdf { sdf, transform, .. } => sdf.bounds().transformed(transform.to_world()),
+        }
+    }
+
+    /// Builds what rays would have to wait for: the tree of a mesh that stands by itself.
+    pub(super) fn prepare(&self) {
+        if let Shape::Mesh { mesh, .. } = &self.shape {
+            mesh.tree();
         }
     }
 

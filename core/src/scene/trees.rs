@@ -50,6 +50,11 @@ impl Trees {
             Entry::Soup => soup.tree.bounds(),
         };
         let boxes: Vec<Aabb> = entries.iter().map(bounds).collect();
+        for entry in &entries {
+            if let Entry::Object(number) = *entry {
+                objects[number as usize].prepare();
+            }
+        }
         Ok(Self { tree: Bvh::build(&boxes, COSTS)?, entries, soup })
     }
 
