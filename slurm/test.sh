@@ -184,16 +184,23 @@ through() {
   "$karst" submit "$scene" --server "$url" --frames "$2" --spp "$3" --wait -o "$1" >/dev/null 2>"$work/$1.log" &
   client=$!
 }
+# still_renders WHAT: the film of `through` was not finished when this happened.
+still_renders() { kill -0 "$client" || fail "the film was finished before $1: it needs more samples"; }
 step "a film through the pilots; one is requeued"
-through served 1-8 "$spp"
+# Several seconds of work, so that the film goes on while the pilot is away.
+longer=200
+"$karst" render "$scene" -o "$work/longer.exr" --frames 1-8 --spp "$longer" 2>/dev/null >&2
+through served 1-8 "$longer"
 sleep 2
+! grep -q 'not heard of' server.log || fail "a pilot that waits for work is called lost: $(cat server.log)"
 scontrol requeue "${pilots}_1"
+still_renders "a pilot was requeued"
 until_true 30 "the pilot begins again" has_begun pilot-1.log 2
 wait "$client" || fail "the job did not finish: $(tail -n 5 "$work/served.log")"
-same served local
+same served longer
 
 step "the time limit of a pilot: back to the queue while there is work, and only then"
-through more 1 300
+through more 1 100000
 sleep 1
 scancel --batch --signal=USR1 "${pilots}_2"
 until_true 30 "the pilot begins again" has_begun pilot-2.log 2
@@ -234,7 +241,7 @@ frames_done() { [ "$(grep -c '^frame 1:' "$1")" = "$2" ]; }
 lost_under_a_frame() {
   step "a node is lost, and the frame on it goes on beside its second start"
   local job log node begin orphans
-  job="$("$karst" slurm frames "$scene" -o double --frames 1-1 --spp 40 -- -c 1 2>/dev/null)"
+  job="$("$karst" slurm frames "$scene" -o double --frames 1-1 --spp 2000 -- -c 1 2>/dev/null)"
   log="double/logs/${job}_1.log"
   until_true 20 "the frame is rendered" has_begun "$log" 1
   until_true 20 "the frame is rendered" grep -q rendering "$log"
@@ -248,9 +255,9 @@ lost_under_a_frame() {
   say "$node is lost; the second start came after $((SECONDS - begin)) s"
   until_true 400 "both starts have ended" frames_done "$log" 2
   until_true 20 "the job has ended" has_state "${job}_1" JobState=COMPLETED
-  "$karst" render "$scene" -o "$work/twice.exr" --frames 1-1 --spp 40 2>/dev/null >&2
+  "$karst" render "$scene" -o "$work/twice.exr" --frames 1-1 --spp 2000 2>/dev/null >&2
   same double twice
-  [ -z "$("$karst" slurm missing "$scene" -o double --frames 1-1 --spp 40 2>/dev/null)" ] || fail "the frame is not complete"
+  [ -z "$("$karst" slurm missing "$scene" -o double --frames 1-1 --spp 2000 2>/dev/null)" ] || fail "the frame is not complete"
 }
 
 # A real time limit: Slurm counts in minutes, and its signal may come early.
@@ -279,16 +286,18 @@ for line in sys.stdin: print(json.loads(line)["id"])'); do
 lost_under_a_pilot() {
   step "a film of a minute through three pilots: one is requeued, one loses its node"
   local job node begin=$SECONDS
-  "$karst" render "$scene" -o "$work/minute.exr" --frames 1-8 --spp 180 2>/dev/null >&2
+  "$karst" render "$scene" -o "$work/minute.exr" --frames 1-8 --spp 900 2>/dev/null >&2
   say "karst render took $((SECONDS - begin)) s"
   job="$("$karst" slurm up --server "$url" --workers 3 -- --exclusive -o again-%a.log 2>/dev/null)"
   until_true 30 "three pilots run" runs 3
   begin=$SECONDS
-  through minute-served 1-8 180
+  through minute-served 1-8 900
   sleep 5
   scontrol requeue "${job}_0"
+  still_renders "a pilot was requeued"
   node="$(node_of "${job}_2")"
   "$here/test/cluster.sh" lose "$work/cluster" "$node" >/dev/null
+  still_renders "a node was lost"
   wait "$client" || fail "the job did not finish: $(tail -n 5 "$work/minute-served.log")"
   say "finished after $((SECONDS - begin)) s"
   same minute-served minute

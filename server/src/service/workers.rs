@@ -29,7 +29,7 @@ use crate::state::Row;
 use crate::telemetry::counts::Outcome;
 use crate::telemetry::traces::Traces;
 
-/// An answer is held back at most this long.
+/// An answer is held back at most this long, and no longer than a third of the time after which a worker is lost.
 const HOLD: Duration = Duration::from_secs(10);
 /// How often a waiting worker looks for a slow task to copy.
 const LOOK: Duration = Duration::from_secs(1);
@@ -176,7 +176,7 @@ impl WorkersService {
 
     /// New tasks for a worker, stored as its own; with `wait` it waits for them.
     async fn find_work(&self, worker: &str, idle: u32, wait: bool) -> Option<Lease> {
-        let until = Instant::now() + HOLD;
+        let until = Instant::now() + HOLD.min(self.shared.fleet.ttl / 3);
         loop {
             let mut news = pin!(self.outlets.queue.news());
             news.as_mut().enable();
