@@ -1,8 +1,8 @@
 //! Owns maps from the unit square to shapes, each beside its density; nothing else.
 
-use crate::math::sin_cos;
+use crate::math::sin_cos_turn;
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// A point of the unit disk, area-preserving and continuous (Shirley and Chiu 1997).
 #[inline]
@@ -11,12 +11,12 @@ pub fn disk_concentric(u: Vec2) -> Vec2 {
     if o == Vec2::ZERO {
         return Vec2::ZERO;
     }
-    let (r, theta) = if o.x.abs() > o.y.abs() {
-        (o.x, FRAC_PI_4 * (o.y / o.x))
+    let (r, turn) = if o.x.abs() > o.y.abs() {
+        (o.x, 0.125 * (o.y / o.x))
     } else {
-        (o.y, FRAC_PI_2 - FRAC_PI_4 * (o.x / o.y))
+        (o.y, 0.25 - 0.125 * (o.x / o.y))
     };
-    let (sin, cos) = sin_cos(theta);
+    let (sin, cos) = sin_cos_turn(turn);
     Vec2::new(r * cos, r * sin)
 }
 
@@ -38,7 +38,7 @@ pub fn hemisphere_cosine_pdf(cos_theta: f32) -> f32 {
 pub fn sphere_uniform(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
     let r = (u.x * (1.0 - u.x)).max(0.0).sqrt() * 2.0;
-    let (sin, cos) = sin_cos(2.0 * PI * u.y);
+    let (sin, cos) = sin_cos_turn(u.y);
     Vec3::new(r * cos, r * sin, z)
 }
 
@@ -55,7 +55,7 @@ pub const fn sphere_uniform_pdf() -> f32 {
 pub fn cone_uniform(u: Vec2, one_minus_cos: f32) -> Vec3 {
     let h = u.x * one_minus_cos;
     let r = (h * (2.0 - h)).max(0.0).sqrt();
-    let (sin, cos) = sin_cos(2.0 * PI * u.y);
+    let (sin, cos) = sin_cos_turn(u.y);
     Vec3::new(r * cos, r * sin, 1.0 - h)
 }
 

@@ -1,7 +1,7 @@
 //! Owns distributions of microfacets: density, masking, and the choice of a facet that can be seen.
 
 use super::beckmann;
-use crate::math::{exp, sin_cos};
+use crate::math::{exp, sin_cos_turn};
 use glam::{DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -156,7 +156,7 @@ impl Microfacets {
     /// Chooses a facet of GGX (Dupuy and Benyoub 2023) from the part `k` of the sphere's lower cap.
     fn sample_cap(&self, wo: Vec3, u: Vec2, k: f32) -> Vec3 {
         let stretched = (wo * self.alpha.extend(1.0)).normalize();
-        let (sin, cos) = sin_cos(2.0 * PI * u.x);
+        let (sin, cos) = sin_cos_turn(u.x);
         let bound = k * stretched.z;
         let z = (1.0 - u.y) * (1.0 + bound) - bound;
         let r = (1.0 - z * z).clamp(0.0, 1.0).sqrt();

@@ -24,7 +24,7 @@ use crate::bsdf::BsdfSample;
 use crate::film::Counters;
 use crate::light::{Glow, Numbers, Receiver, Span};
 use crate::math::{Ray, offset_origin};
-use crate::medium::{Event, Medium};
+use crate::medium::{Chances, Event, Medium};
 use crate::sampler::Decision;
 use crate::scene::{Hit, Interiors, Scene, Strategy, Surface};
 use glam::{Vec2, Vec3};
@@ -38,6 +38,8 @@ pub(super) struct Piece {
     interiors: Interiors,
     /// Transmittance of all pieces before.
     before: Vec3,
+    /// What the path may do here, if it gets here.
+    chances: Chances,
 }
 
 /// A place in a medium where a path is scattered.
@@ -104,8 +106,8 @@ const DIM: f32 = 0.25;
 /// with the transmittance of the whole way: only the rest of the path depends on where it goes on.
 fn arriving(scene: &Scene, paths: &Paths, path: usize) -> Arriving {
     let (mut beta, mut passes) = (paths.beta[path], 1.0);
-    for Piece { span, medium, .. } in &paths.pieces {
-        let (weight, pass) = medium.pass(beta, span.far - span.near);
+    for piece in &paths.pieces {
+        let (weight, pass) = piece.chances.pass();
         beta *= weight;
         passes *= pass;
     }
@@ -137,14 +139,16 @@ fn walk(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) -> Option<Ar
     let first = paths.rays[path];
     let spread = if bounce == 0 { scene.camera().pixel_spread() } else { 0.0 };
     let (mut ray, mut interiors, mut found) = (first, paths.interiors[path], paths.hits[path]);
-    let (mut travelled, mut through) = (0.0, Vec3::ONE);
+    let (mut travelled, mut through, mut arriving) = (0.0, Vec3::ONE, paths.beta[path]);
     paths.pieces.clear();
     for crossing in 0..Scene::MAX_CROSSINGS {
         if let Some(stretch) = scene.medium(&ray, interiors) {
             let length = found.map_or(f32::INFINITY, |hit| hit.t).min(stretch.end);
             let span = Span { o: first.o, d: first.d, near: travelled, far: travelled + length };
-            paths.pieces.push(Piece { span, medium: *stretch.medium, interiors, before: through });
-            through *= stretch.medium.transmittance(length);
+            let chances = stretch.medium.chances(arriving, length);
+            paths.pieces.push(Piece { span, medium: *stretch.medium, interiors, before: through, chances });
+            through *= chances.through();
+            arriving *= chances.pass().0;
         }
         let Some(hit) = found else {
             leave(scene, paths, path, through);
@@ -237,7 +241,7 @@ fn gather(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
         return;
     }
     for number in 0..paths.pieces.len() {
-        let Piece { span, medium, interiors, before } = paths.pieces[number];
+        let Piece { span, medium, interiors, before, .. } = paths.pieces[number];
         if !medium.scatters() {
             continue;
         }
@@ -272,7 +276,7 @@ fn gather_sky(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
         return;
     }
     for number in 0..paths.pieces.len() {
-        let Piece { span, medium, interiors, before } = paths.pieces[number];
+        let Piece { span, medium, interiors, before, .. } = paths.pieces[number];
         let (sampler, piece) = (paths.samplers[path], number as u32);
         let u = sampler.get_2d(Decision::GatherSky(bounce, piece));
         let v = sampler.get_2d(Decision::GatherSkyPoint(bounce, piece));
@@ -330,9 +334,9 @@ impl Sky<'_> {
 /// Decides whether a path is scattered on its way, and notes where.
 fn is_scattered(bounce: u32, paths: &mut Paths, path: usize) -> bool {
     for number in 0..paths.pieces.len() {
-        let Piece { span, medium, interiors, .. } = paths.pieces[number];
+        let Piece { span, medium, interiors, chances, .. } = paths.pieces[number];
         let u = paths.samplers[path].get_2d(Decision::Distance(bounce, number as u32));
-        match medium.sample(paths.beta[path], span.far - span.near, u.to_array()) {
+        match medium.decide(&chances, span.far - span.near, u.to_array()) {
             Event::Pass(weight) => paths.beta[path] *= weight,
             Event::Scatter(distance, weight) => {
                 paths.beta[path] *= weight;
@@ -456,7 +460,8 @@ pub(super) fn glow_at<'a>(
     if vertex.bsdf.is_delta() || vertex.bsdf.transmits() {
         return None;
     }
-    let ray = Ray::new(vertex.receiver().p, paths.rays[path].d);
+    // From where the path goes on: beside a lamp, the offset from the surface matters.
+    let ray = Ray::new(vertex.origin_towards(-paths.rays[path].d), paths.rays[path].d);
     scene.glow(&ray, interiors, paths.arriving[path])
 }
 

@@ -9,11 +9,11 @@
 
 use super::beacon::{Beacon, Span};
 use super::{Lights, Receiver};
-use crate::math::atan2;
+use crate::math::{atan2, ln, sin_cos};
 use crate::medium::Medium;
 use glam::Vec3;
 use std::f32::consts::PI;
-use wide::f32x8;
+use wide::{f32x4, f32x8};
 
 /// A light and a place along a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,10 +73,10 @@ impl Table {
         let apart = (to_light - span.d * nearest).length_squared() + beacon.radius * beacon.radius;
         // A ray through the light itself: the density is defensive there, and right all the same.
         let length = clipped.far - clipped.near;
-        let defence = if length.is_finite() { 1e-4 * length } else { 1e-4 * to_light.length() };
+        let defence = 1e-6 * if length.is_finite() { length } else { to_light.length() };
         let distance = apart.sqrt().max(defence).max(f32::MIN_POSITIVE);
-        let angle = |t: f32| atan2(t - nearest, distance);
-        let (first, last) = (angle(clipped.near), angle(clipped.far));
+        let ends = f32x4::new([clipped.near - nearest, clipped.far - nearest, 0.0, 0.0]);
+        let [first, last, ..] = angles(ends, distance);
         let step = (last - first) / (NODES - 1) as f32;
         if step <= 0.0 || step.is_nan() {
             return None;
@@ -111,7 +111,7 @@ impl Table {
         let part = (2.0 * rest / (low + root)).clamp(0.0, 1.0);
         let value = low + (high - low) * part;
         let angle = self.first + self.step * (interval as f32 + part);
-        let (sin, cos) = crate::math::sin_cos(angle);
+        let (sin, cos) = sin_cos(angle);
         let cos = cos.max(1e-18);
         (self.nearest + self.distance * (sin / cos), value / self.total * (cos * cos / self.distance))
     }
@@ -128,6 +128,14 @@ impl Table {
         let value = low + (high - low) * (at - interval as f32);
         value / self.total * (distance / (along * along + distance * distance))
     }
+}
+
+/// The angles at a light between its nearest point on a ray, at a distance, and places that are so far along from there;
+/// infinitely far is a right angle.
+#[inline]
+fn angles(along: f32x4, distance: f32) -> [f32; 4] {
+    let most = f32x4::splat(1e12 * distance);
+    along.max(-most).min(most).atan2(f32x4::splat(distance)).to_array()
 }
 
 /// The integrand at the places of a table, but for constant factors.
@@ -192,7 +200,7 @@ impl Beacons {
 /// The place on a segment from which many lights are seen: one that light gets to.
 fn view_of(span: Span, medium: &Medium, beta: Vec3, u: f32) -> Receiver {
     let length = span.far - span.near;
-    let deep = -libm::log1pf(-u) / medium.mean(beta).0;
+    let deep = -ln(1.0 - u) / medium.mean(beta).0;
     // Where that is too far, as likely anywhere.
     let at = if deep < length { deep } else { u * length };
     let at = if at.is_finite() { at } else { 0.0 };

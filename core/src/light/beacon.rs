@@ -155,7 +155,11 @@ fn cone(co: DVec3, d: DVec3, axis: DVec3, cos_edge: f64) -> Option<(f64, f64)> {
     let a = along * along - c2 * d.length_squared();
     let b = along * height - c2 * d.dot(co);
     let rest = height * height - c2 * co.length_squared();
-    let root = (b * b - a * rest).max(0.0).sqrt();
+    let inside = b * b - a * rest;
+    if a < 0.0 && inside <= 0.0 {
+        return None;
+    }
+    let root = inside.max(0.0).sqrt();
     // The stable pair of roots of a t² + 2 b t + rest.
     let q = -(b + root.copysign(b));
     let (first, second) = (q / a, if q == 0.0 { 0.0 } else { rest / q });
@@ -163,8 +167,7 @@ fn cone(co: DVec3, d: DVec3, axis: DVec3, cos_edge: f64) -> Option<(f64, f64)> {
     let forward = |t: f64| height + t * along;
     if a < 0.0 {
         // The line is steeper than the cone: it is inside between the roots, of this cone or of its mirror image.
-        let inside = b * b - a * rest > 0.0 && forward(0.5 * (low + high)) > 0.0;
-        return inside.then_some((low, high));
+        return (forward(0.5 * (low + high)) > 0.0).then_some((low, high));
     }
     if !(a > 0.0 && low.is_finite() && high.is_finite()) {
         // Along the surface of the cone: one root at most.

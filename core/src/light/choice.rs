@@ -22,6 +22,8 @@ pub struct Lights {
     pub(super) infinite: Vec<u32>,
     /// Over many lights.
     pub(super) tree: Option<Tree>,
+    /// Whether there is one light only, at a finite distance and not black.
+    is_alone: bool,
     /// Squared distance below which lights do not gain weight, so that weights stay finite.
     nearest2: f32,
     /// Those at a finite distance, as media see them.
@@ -50,6 +52,7 @@ impl Lights {
             infinite: numbers(&|i| emitters[i].is_none()),
             tree: many.then(|| Tree::new(&emitters, is_exact)),
             nearest2: (size2 * 1e-14).clamp(1e-30, 1e30),
+            is_alone: matches!(&emitters[..], [Some(emitter)] if emitter.intensity > 0.0),
             beacons: Beacons::new(&lights),
             all: lights,
         }
@@ -66,8 +69,12 @@ impl Lights {
     }
 
     /// Chooses a light for a receiver by `u` in [0, 1): its number and the probability of the choice. `None` where no
-    /// light would bring anything.
+    /// light would bring anything; a bright one that is alone at a finite distance is always chosen.
     pub fn choose(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {
+        if self.is_alone {
+            // What it brings is known when it is sampled.
+            return Some((0, 1.0));
+        }
         let Some(tree) = &self.tree else { return self.choose_of_few(from, u) };
         let view = self.view(from);
         let cut = tree.cut(&view);
@@ -82,6 +89,9 @@ impl Lights {
 
     /// Probability with which [`Lights::choose`] takes a light.
     pub fn choice_pdf(&self, from: &Receiver, index: usize) -> f32 {
+        if self.is_alone {
+            return 1.0;
+        }
         let Some(tree) = &self.tree else {
             let (weights, total) = self.importances(from);
             return if total > 0.0 { weights[index] / total } else { 0.0 };

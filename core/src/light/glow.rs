@@ -9,6 +9,7 @@
 use super::Lights;
 use super::beacon::{Beacon, Span};
 use glam::{Vec2, Vec3};
+use wide::f64x4;
 
 /// The lights whose glow a point sees, and how much of all they are.
 #[derive(Debug, Clone)]
@@ -58,35 +59,73 @@ impl Glow<'_> {
 
     /// The density per solid angle with which [`Glow::sample`] takes a direction.
     pub fn pdf(&self, d: Vec3) -> f32 {
-        self.lights().map(|(beacon, share)| share * density(beacon, self.from, d)).sum()
+        let mut sum = 0.0;
+        let mut four = [Part::NONE; 4];
+        let mut known = 0;
+        for (beacon, share) in self.lights() {
+            if let Some(part) = Part::new(beacon, self.from, d) {
+                four[known] = Part { scale: part.scale * f64::from(share), ..part };
+                known += 1;
+            }
+            if known == four.len() {
+                sum += densities(&four);
+                (four, known) = ([Part::NONE; 4], 0);
+            }
+        }
+        if known > 0 { (sum + densities(&four)) as f32 } else { sum as f32 }
     }
 }
 
-/// The density of a direction towards one light.
-fn density(beacon: &Beacon, from: Vec3, d: Vec3) -> f32 {
-    let towards = (beacon.position - from).as_dvec3();
-    let away = towards.length();
-    let reach = f64::from(Glow::REACH) * away;
-    let nearest = towards.dot(d.as_dvec3());
-    let apart2 = (towards - d.as_dvec3() * nearest).length_squared().max(1e-16 * away * away);
-    let half = reach * reach - apart2;
-    if half <= 0.0 {
-        return 0.0;
+/// The part of a direction's ray that passes through the light of a lamp.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    /// Where it comes nearest to the lamp, and the squared distance there.
+    nearest: f64,
+    apart2: f64,
+    /// Where it begins and ends, from the nearest place on.
+    near: f64,
+    far: f64,
+    /// Factor of the integral of t² / ((t − δ)² + D²).
+    scale: f64,
+}
+
+impl Part {
+    const NONE: Self = Self { nearest: 0.0, apart2: 1.0, near: 0.0, far: 1.0, scale: 0.0 };
+
+    /// `None` where there is no such part.
+    fn new(beacon: &Beacon, from: Vec3, d: Vec3) -> Option<Self> {
+        let towards = (beacon.position - from).as_dvec3();
+        let away2 = towards.length_squared();
+        let nearest = towards.dot(d.as_dvec3());
+        let apart2 = (towards - d.as_dvec3() * nearest).length_squared().max(1e-16 * away2);
+        let half = f64::from(Glow::REACH * Glow::REACH) * away2 - apart2;
+        if half <= 0.0 {
+            return None;
+        }
+        let half = half.sqrt();
+        let span = Span { o: from, d, near: (nearest - half).max(0.0) as f32, far: (nearest + half) as f32 };
+        let span = Some(span).filter(|span| span.near < span.far).and_then(|span| beacon.clip(span))?;
+        let [near, far] = [span.near, span.far].map(|t| f64::from(t) - nearest);
+        let scale = 1.0 / (f64::from(Glow::REACH) * away2.sqrt() * beacon.solid_angle());
+        Some(Self { nearest, apart2, near, far, scale })
     }
-    let half = half.sqrt();
-    let span = Span { o: from, d, near: (nearest - half).max(0.0) as f32, far: (nearest + half) as f32 };
-    let Some(span) = Some(span).filter(|span| span.near < span.far).and_then(|span| beacon.clip(span)) else {
-        return 0.0;
-    };
-    let apart = apart2.sqrt();
-    // The integral of t² / ((t − δ)² + D²) between two places: the angle between them at the lamp, and the ratio of their
-    // distances from it.
-    let [near, far] = [span.near, span.far].map(|t| f64::from(t) - nearest);
-    let angle = libm::atan2((far - near) * apart, apart2 + near * far);
+}
+
+/// The densities of a direction towards four lights, added up.
+///
+/// The integral of t² / ((t − δ)² + D²) between two places: the angle between them at the lamp, and the ratio of their
+/// distances from it.
+#[inline]
+fn densities(four: &[Part; 4]) -> f64 {
+    let lanes = |of: fn(&Part) -> f64| f64x4::new(four.each_ref().map(of));
+    let (nearest, apart2) = (lanes(|p| p.nearest), lanes(|p| p.apart2));
+    let (near, far) = (lanes(|p| p.near), lanes(|p| p.far));
+    let (apart, length) = (apart2.sqrt(), far - near);
+    let angle = (length * apart).atan2(apart2 + near * far);
     let ratio = (far * far + apart2) / (near * near + apart2);
-    let integral = (far - near) + nearest * libm::log(ratio) + (nearest * nearest - apart2) / apart * angle;
-    let integral = integral.max(0.0);
-    (integral / (reach * beacon.solid_angle())) as f32
+    let integral = length + nearest * ratio.ln() + (nearest * nearest - apart2) / apart * angle;
+    let [a, b, c, d] = (integral.max(f64x4::splat(0.0)) * lanes(|p| p.scale)).to_array();
+    a + b + c + d
 }
 
 impl Lights {

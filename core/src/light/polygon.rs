@@ -1,105 +1,154 @@
 //! Owns sampling flat convex polygons by the solid angle that they fill, for triangles and rectangles.
 //!
-//! All in f64 from the exact differences of f32 positions, and by half angles: nothing cancels, whether the polygon is
+//! Near ones in f64 from the exact differences of f32 positions, and by half angles: nothing cancels, whether the polygon is
 //! a speck, fills the hemisphere, or is seen along its plane.
 
 use glam::{DVec3, Vec2, Vec3};
 
-/// A polygon of `N` corners (3 or 4, a parallelogram) as seen from a point in front of it.
+/// What of a polygon is the same from everywhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Plate {
+    /// Unit normal of the front.
+    normal: DVec3,
+    /// Length of the cross product of the edges at the first corner: twice the area of the fan's triangles.
+    cross: f64,
+    area: f64,
+    /// Squared length of the longer of those edges.
+    reach2: f64,
+}
+
+impl Plate {
+    /// That of a polygon of `N` corners (3 or 4, a parallelogram), counter-clockwise from its front; `None` when it has no
+    /// area.
+    pub(super) fn new<const N: usize>(corners: [Vec3; N]) -> Option<Self> {
+        let [first, last] = [1, N - 1].map(|k| corners[k].as_dvec3() - corners[0].as_dvec3());
+        let product = first.cross(last);
+        let (normal, cross) = (product.try_normalize()?, product.length());
+        let reach2 = first.length_squared().max(last.length_squared());
+        (cross as f32 > 0.0).then_some(Self { normal, cross, area: cross * 0.5 * (N - 2) as f64, reach2 })
+    }
+
+    /// Unit normal of the front.
+    pub(super) fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// Area of the polygon.
+    pub(super) fn area(&self) -> f64 {
+        self.area
+    }
+}
+
+/// A polygon as seen from a point in front of it. How it is sampled depends on the polygon and the point only.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<const N: usize> {
+pub(super) enum Seen<const N: usize> {
+    /// By area, because it is so small and far that the density per solid angle hardly varies.
+    Far(Far),
+    /// Uniformly over the solid angle.
+    Near(Near<N>),
+}
+
+/// A polygon that is sampled by area.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Far {
+    /// The first corner relative to the point, and the edges from there to the second and to the last.
+    corner: Vec3,
+    edges: [Vec3; 2],
+    /// One over the height of the point above the plane and over the area.
+    scale: f32,
+}
+
+/// A polygon that is sampled by solid angle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Near<const N: usize> {
     /// Corners relative to the point, counter-clockwise from its side.
     corners: [DVec3; N],
-    /// Unit normal of the front.
     normal: DVec3,
     /// Height of the point above the plane.
     height: f64,
-    /// Length of the cross product of the edges at the first corner: twice the area of the fan's triangles.
     cross: f64,
-    way: Way<N>,
-}
-
-/// How it is sampled. Depends on the polygon and the point only.
-#[derive(Debug, Clone, Copy)]
-enum Way<const N: usize> {
-    /// By area, because it is so small and far that the density per solid angle hardly varies.
-    Area,
-    /// Uniformly over the solid angle: that of the fan's triangles up to each corner.
-    SolidAngle([f64; N]),
+    /// Solid angles of the fan's triangles up to each corner.
+    angles: [f64; N],
 }
 
 impl<const N: usize> Seen<N> {
     /// Polygons whose edges are longer than this part of the distance are sampled by solid angle. By area the density
-    /// per solid angle goes with the cube of the distance, so it varies by some ten percent at most.
-    const FAR: f64 = 1.0 / 32.0;
+    /// per solid angle goes with the cube of the distance, so it varies smoothly, and by a factor of three at most.
+    const FAR: f64 = 0.5;
 
     /// Points that are less high above the plane, in parts of the longest edge, count as within it. Positions in f32
     /// could not tell, and who lies on a light finds it by scattering.
     const IN_PLANE: f64 = 1e-9;
 
-    /// The polygon seen from `p`; `None` from behind, from within its plane, and when it has no solid angle.
-    pub(super) fn new(corners: [Vec3; N], p: Vec3) -> Option<Self> {
-        let corners = corners.map(|c| c.as_dvec3() - p.as_dvec3());
-        let edges = [corners[1] - corners[0], corners[N - 1] - corners[0]];
-        let cross = edges[0].cross(edges[1]);
-        let area = cross.length();
-        let normal = cross / area;
-        let height = -corners[0].dot(normal);
-        let reach2 = edges[0].length_squared().max(edges[1].length_squared());
-        if height.is_nan() || height <= Self::IN_PLANE * reach2.sqrt() {
+    /// The polygon with these corners seen from `p`; `None` from behind, from within its plane, and when it has no solid
+    /// angle.
+    pub(super) fn new(plate: &Plate, corners: [Vec3; N], p: Vec3) -> Option<Self> {
+        let first = corners[0].as_dvec3() - p.as_dvec3();
+        let height = -first.dot(plate.normal);
+        if height.is_nan() || height <= 0.0 || height * height <= Self::IN_PLANE * Self::IN_PLANE * plate.reach2 {
             return None;
         }
-        let way = if reach2 < Self::FAR * Self::FAR * corners[0].length_squared() {
-            Way::Area
+        let seen = if plate.reach2 < Self::FAR * Self::FAR * first.length_squared() {
+            let edges = [corners[1] - corners[0], corners[N - 1] - corners[0]];
+            Self::Far(Far { corner: first.as_vec3(), edges, scale: (1.0 / (height * plate.area)) as f32 })
         } else {
-            Way::SolidAngle(solid_angles(&corners, height * area))
+            let corners = corners.map(|c| c.as_dvec3() - p.as_dvec3());
+            let angles = solid_angles(&corners, height * plate.cross);
+            Self::Near(Near { corners, normal: plate.normal, height, cross: plate.cross, angles })
         };
-        let seen = Self { corners, normal, height, cross: area, way };
-        let density = seen.pdf_at(corners[0]);
+        let density = seen.pdf_at(first.as_vec3());
         (density > 0.0 && density.is_finite()).then_some(seen)
     }
 
-    /// Area of the polygon.
-    fn area(&self) -> f64 {
-        self.cross * 0.5 * (N - 2) as f64
-    }
-
     /// Density per solid angle of sampling the point at `towards` (relative to the receiver).
-    fn pdf_at(&self, towards: DVec3) -> f32 {
-        let pdf = match self.way {
-            // Squared distance over cosine and area; the cosine is height over distance.
-            Way::Area => {
-                let d2 = towards.length_squared();
-                d2 * d2.sqrt() / (self.height * self.area())
-            }
-            Way::SolidAngle(angles) => 1.0 / angles[N - 1],
-        };
-        pdf as f32
+    fn pdf_at(&self, towards: Vec3) -> f32 {
+        match self {
+            Self::Far(far) => far.pdf_at(towards),
+            Self::Near(near) => (1.0 / near.angles[N - 1]) as f32,
+        }
     }
 
     /// Density per solid angle of sampling its point `q`, seen from `p`.
     pub(super) fn pdf(&self, p: Vec3, q: Vec3) -> f32 {
-        self.pdf_at(q.as_dvec3() - p.as_dvec3())
+        self.pdf_at(q - p)
     }
 
     /// A point: the direction to it, its coordinates along the edges from the first to the second and to the last
     /// corner, and its density.
     pub(super) fn sample(&self, u: Vec2, uniform: impl FnOnce(Vec2) -> Vec2) -> (Vec3, Vec2, f32) {
+        match self {
+            Self::Far(far) => far.sample(uniform(u)),
+            Self::Near(near) => near.sample(u),
+        }
+    }
+}
+
+impl Far {
+    /// Squared distance over cosine and area; the cosine is height over distance.
+    fn pdf_at(&self, towards: Vec3) -> f32 {
+        let d2 = towards.length_squared();
+        d2 * d2.sqrt() * self.scale
+    }
+
+    fn sample(&self, at: Vec2) -> (Vec3, Vec2, f32) {
+        let towards = self.corner + self.edges[0] * at.x + self.edges[1] * at.y;
+        (towards.normalize(), at, self.pdf_at(towards))
+    }
+}
+
+impl<const N: usize> Near<N> {
+    fn sample(&self, u: Vec2) -> (Vec3, Vec2, f32) {
         let [first, last] = [self.corners[1] - self.corners[0], self.corners[N - 1] - self.corners[0]];
-        let Way::SolidAngle(angles) = self.way else {
-            let at = uniform(u);
-            let towards = self.corners[0] + first * f64::from(at.x) + last * f64::from(at.y);
-            return (towards.normalize().as_vec3(), at, self.pdf_at(towards));
-        };
-        let target = f64::from(u.x) * angles[N - 1];
-        let k = (1..N - 2).take_while(|&k| target >= angles[k + 1]).count() + 1;
+        let whole = self.angles[N - 1];
+        let target = f64::from(u.x) * whole;
+        let k = (1..N - 2).take_while(|&k| target >= self.angles[k + 1]).count() + 1;
         let triangle = [self.corners[0], self.corners[k], self.corners[k + 1]];
-        let wi = sample_triangle(triangle, self.height * self.cross, target - angles[k], u.y);
+        let wi = sample_triangle(triangle, self.height * self.cross, target - self.angles[k], u.y);
         let hit = wi * (self.height / -wi.dot(self.normal).min(-f64::MIN_POSITIVE)) - self.corners[0];
         // Coordinates of the hit on the (oblique) axes of the two edges.
         let along = |v: DVec3, w: DVec3| (v.cross(w).dot(self.normal) / self.cross).clamp(0.0, 1.0) as f32;
         let at = Vec2::new(along(hit, last), along(first, hit));
-        (wi.as_vec3(), at, self.pdf_at(wi))
+        (wi.as_vec3(), at, (1.0 / whole) as f32)
     }
 }
 

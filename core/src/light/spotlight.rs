@@ -46,6 +46,8 @@ pub struct SpotLight {
     falloff: Falloff,
     /// Cosine of the edge.
     cos_edge: f64,
+    /// Cosine from which on a linear falloff has not begun.
+    cos_full: f64,
 }
 
 /// [`SpotFalloff`] in the units of its formula.
@@ -76,7 +78,11 @@ impl SpotLight {
             }
         };
         let axis = direction.normalize_or(DVec3::NEG_Z);
-        Self { position, axis, intensity, falloff, cos_edge: libm::cos(edge) }
+        let cos_full = match falloff {
+            Falloff::Linear { beam, .. } => libm::cos(beam),
+            Falloff::Power { .. } | Falloff::Smoothstep { .. } => 1.0,
+        };
+        Self { position, axis, intensity, falloff, cos_full, cos_edge: libm::cos(edge) }
     }
 
     pub(super) fn position(&self) -> Vec3 {
@@ -128,6 +134,7 @@ impl SpotLight {
         }
         match self.falloff {
             Falloff::Power { exponent } => libm::pow(cos.clamp(0.0, 1.0), exponent),
+            Falloff::Linear { .. } if cos >= self.cos_full => 1.0,
             Falloff::Linear { beam, edge } => {
                 let angle = libm::atan2(direction.cross(self.axis).length(), cos);
                 if angle <= beam { 1.0 } else { ((edge - angle) / (edge - beam)).max(0.0) }

@@ -11,7 +11,7 @@ pub use aabb::Aabb;
 pub use frame::Frame;
 pub use robust::{even_error, gamma, next_away, offset_origin};
 pub use transform::Transform;
-pub use trig::{acos, atan2, cos, exp, ln, powf, sin, sin_cos, tan};
+pub use trig::{acos, atan2, cos, exp, ln, powf, sin, sin_cos, sin_cos_turn, tan};
 
 use glam::Vec3;
 

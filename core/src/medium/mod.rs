@@ -9,6 +9,7 @@ pub use phase::Phase;
 use glam::Vec3;
 
 use crate::color::luminance;
+use crate::math::ln;
 use wide::f32x4;
 
 /// A homogeneous medium, coefficients per unit of length by channel.
@@ -17,6 +18,26 @@ pub struct Medium {
     sigma_t: Vec3,
     sigma_s: Vec3,
     phase: Phase,
+}
+
+/// What a path may do on its way through a length of a medium: how often each channel decides, and what of it gets through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chances {
+    through: Vec3,
+    shares: Vec3,
+}
+
+impl Chances {
+    /// Transmittance of the whole length.
+    pub fn through(&self) -> Vec3 {
+        self.through
+    }
+
+    /// How often the path passes, and the factor of its throughput then.
+    pub fn pass(&self) -> (Vec3, f32) {
+        let often = self.shares.dot(self.through);
+        if often > 0.0 { (self.through / often, often) } else { (Vec3::ZERO, 0.0) }
+    }
 }
 
 /// What a path does on its way through a medium, and the factor of its throughput that belongs to it.
@@ -65,9 +86,19 @@ impl Medium {
     /// A channel is chosen and its distances are sampled exponentially; the other channels see the same distance, weighed by
     /// the balance heuristic over all channels (Veach 1997, section 9.2.2), without which channels of different density
     /// have weights without bound, and are wrong where one is 0.
-    pub fn sample(&self, beta: Vec3, length: f32, [choice, u]: [f32; 2]) -> Event {
+    pub fn sample(&self, beta: Vec3, length: f32, u: [f32; 2]) -> Event {
+        self.decide(&self.chances(beta, length), length, u)
+    }
+
+    /// What a path with this throughput may do within a length.
+    pub fn chances(&self, beta: Vec3, length: f32) -> Chances {
         let through = self.transmittance(length);
-        let shares = self.shares(beta, through);
+        Chances { through, shares: self.shares(beta, through) }
+    }
+
+    /// The same as [`Medium::sample`], with the chances known.
+    pub fn decide(&self, chances: &Chances, length: f32, [choice, u]: [f32; 2]) -> Event {
+        let Chances { through, shares } = *chances;
         let channel = if choice < shares.x {
             0
         } else if choice < shares.x + shares.y {
@@ -77,7 +108,8 @@ impl Medium {
         };
         // Rounding may choose a channel of no weight; it has no distances either.
         let channel = if shares[channel] > 0.0 { channel } else { shares.max_position() };
-        let distance = -libm::log1pf(-u) / self.sigma_t[channel];
+        // 1 − u has no rounding: random numbers are multiples of 2⁻²⁴.
+        let distance = -ln(1.0 - u) / self.sigma_t[channel];
         if distance < length {
             let here = self.transmittance(distance);
             let density = shares.dot(self.sigma_t * here);
@@ -85,13 +117,6 @@ impl Medium {
         } else {
             Event::Pass(through / shares.dot(through))
         }
-    }
-
-    /// How often [`Medium::sample`] lets a path with this throughput pass a length, and the factor of its throughput then.
-    pub fn pass(&self, beta: Vec3, length: f32) -> (Vec3, f32) {
-        let through = self.transmittance(length);
-        let often = self.shares(beta, through).dot(through);
-        if often > 0.0 { (through / often, often) } else { (Vec3::ZERO, 0.0) }
     }
 
     /// How often [`Medium::sample`] scatters a path with this throughput within a length.

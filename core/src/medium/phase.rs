@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{Frame, sin_cos};
+use crate::math::{Frame, sin_cos_turn};
 
 /// How light is scattered in a medium, by the mean cosine `g` between the directions before and after: −0.99 to 0.99.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +43,7 @@ impl Phase {
     pub fn sample(&self, before: Vec3, u: Vec2) -> (Vec3, f32) {
         let cos = self.cosine(u.x);
         let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
-        let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
+        let (sin_phi, cos_phi) = sin_cos_turn(u.y);
         let after = Frame::new(before).to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos)).normalize();
         (after, self.value(before, after))
     }

@@ -2,7 +2,7 @@
 
 use crate::bsdf::fresnel::grazing;
 use crate::bsdf::microfacet::{Distribution, Microfacets};
-use crate::math::{ln, powf, sin_cos};
+use crate::math::{ln, powf, sin_cos_turn};
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -43,7 +43,7 @@ impl Clearcoat {
     /// Chooses a facet in proportion to their density times cosine.
     pub(super) fn sample(self, u: Vec2) -> Vec3 {
         let sin2 = ((powf(self.alpha2, 1.0 - u.x) - self.alpha2) / (1.0 - self.alpha2)).clamp(0.0, 1.0);
-        let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
+        let (sin_phi, cos_phi) = sin_cos_turn(u.y);
         let sin = sin2.sqrt();
         Vec3::new(sin * cos_phi, sin * sin_phi, (1.0 - sin2).sqrt())
     }
