@@ -15,6 +15,8 @@ pub enum Decision {
     Lens,
     /// Which light to sample.
     LightChoice(u32),
+    /// Whether a shadow ray is traced: of a bounce, the ray of that number.
+    Shadow(u32, u32),
     /// Point on the light.
     LightPoint(u32),
     /// Which lobe of the material.
@@ -54,6 +56,7 @@ impl Decision {
             Self::Filter => 0,
             Self::Lens => 1,
             Self::LightChoice(b) => of(0, b),
+            Self::Shadow(b, ray) => of(1, b) + (ray << 17),
             Self::LightPoint(b) => of(2, b),
             Self::Lobe(b) => of(3, b),
             Self::Direction(b) => of(4, b),

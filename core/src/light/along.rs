@@ -71,9 +71,11 @@ impl Table {
         let to_light = beacon.position - span.o;
         let nearest = to_light.dot(span.d);
         let apart = (to_light - span.d * nearest).length_squared() + beacon.radius * beacon.radius;
-        // A ray through the light itself: the density is defensive there, and right all the same.
+        // A ray through the light itself, or a part of one that points to it: the density is defensive there, and right all
+        // the same. Angles near a right angle do not tell places apart.
         let length = clipped.far - clipped.near;
-        let defence = 1e-6 * if length.is_finite() { length } else { to_light.length() };
+        let gap = (clipped.near - nearest).max(nearest - clipped.far).max(0.0);
+        let defence = (1e-6 * if length.is_finite() { length } else { to_light.length() }).max(0.1 * gap);
         let distance = apart.sqrt().max(defence).max(f32::MIN_POSITIVE);
         let ends = f32x4::new([clipped.near - nearest, clipped.far - nearest, 0.0, 0.0]);
         let [first, last, ..] = angles(ends, distance);

@@ -150,9 +150,9 @@ impl Scene {
             for (number, group) in waiting.groups() {
                 let wave: Vec<_> = group.iter().map(|&(_, ray)| (ray, rays[ray as usize])).collect();
                 let object = &self.objects[number as usize];
-                object.march_all(&wave, 0.0, tally, |ray, hit, evaluations| {
+                object.march_any(&wave, tally, |ray, is_hit, evaluations| {
                     spent[ray as usize] += evaluations;
-                    blocked[ray as usize] |= hit.is_some();
+                    blocked[ray as usize] |= is_hit;
                 });
             }
         }

@@ -225,6 +225,20 @@ impl Object {
         tally.add(*number, &stats);
     }
 
+    /// Marches many rays to it: `ended` gets whether each has a hit, and its evaluations, as above.
+    pub(super) fn march_any<N: Copy>(
+        &self,
+        rays: &[(N, Ray)],
+        tally: &mut Tally,
+        ended: impl FnMut(N, bool, u32),
+    ) {
+        let Shape::Sdf { sdf, transform, number } = &self.shape else { return };
+        let mut stats = MarchStats::default();
+        let local = rays.iter().map(|(name, ray)| (*name, to_march(ray, transform, 0.0)));
+        sdf.occluded_all(local, &mut stats, ended);
+        tally.add(*number, &stats);
+    }
+
     /// Whether anything of it lies within the ray; `cast` is the ray, prepared.
     pub(super) fn occluded(&self, ray: &Ray, cast: &Cast, tally: &mut Tally) -> bool {
         match &self.shape {

@@ -93,6 +93,16 @@ pub(super) struct March {
     phase: Phase,
     evaluations: u32,
     search: Search,
+    goal: Goal,
+}
+
+/// What a march is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Goal {
+    /// The first hit.
+    First,
+    /// Whether there is a hit: a bracket is enough.
+    Any,
 }
 
 /// What a march is doing.
@@ -114,11 +124,11 @@ impl March {
     ///
     /// `epsilon` is half the least step per unit of distance travelled: the march steps through the surface on
     /// purpose, and what it brackets by a change of sign is refined. Features thinner than twice that may be skipped.
-    pub(super) fn new(segment: Segment, epsilon: f32) -> Self {
+    pub(super) fn new(segment: Segment, epsilon: f32, goal: Goal) -> Self {
         let course = Course { side: 1.0, epsilon, start: segment.start as f32, length: segment.length };
         let here = End { at: 0.0, value: 0.0 };
         let search = Search::new(here, here, 0.0);
-        Self { segment, pace: Pace::new(course), phase: Phase::Leave, evaluations: 0, search }
+        Self { segment, pace: Pace::new(course), phase: Phase::Leave, evaluations: 0, search, goal }
     }
 
     /// Where the next value is asked for.
@@ -144,6 +154,12 @@ impl March {
     /// Whether [`Pace::go_on`] may serve it.
     pub(super) fn is_running(&self) -> bool {
         self.phase == Phase::Run
+    }
+
+    /// Whether it is enough for it that some place ahead is on the other side, and whether signs tell that: values of
+    /// fractals do not.
+    pub(super) fn may_look_ahead(&self, sdf: &Sdf) -> bool {
+        self.goal == Goal::Any && self.phase == Phase::Run && sdf.tape().level().is_none()
     }
 
     /// Values that it was told so far.
@@ -216,6 +232,9 @@ impl March {
                 return self.plan(limits, stats);
             }
             stats.brackets += 1;
+            if self.goal == Goal::Any {
+                return Break(Some(pace.at));
+            }
             self.phase = Phase::Refine;
             let (here, there) = (End { at: pace.here, value: pace.value }, End { at: pace.at, value });
             self.search = Search::new(here, there, 4.0 * blur(there.at, noise));

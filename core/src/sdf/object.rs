@@ -10,7 +10,7 @@ use crate::math::Aabb;
 use super::cells::{Cells, EVERYWHERE};
 use super::closed::{ClosedForm, Ray};
 use super::error::{SdfError, require};
-use super::march::{March, MarchStats, Segment};
+use super::march::{Goal, March, MarchStats, Segment};
 use super::pace::{Limits, ROUNDOFF};
 use super::packet;
 use super::real::{Dual, Point, Real};
@@ -135,7 +135,7 @@ impl Sdf {
             let at = closed.first_hit(self, &line, stats)?;
             return Some(((at / unit) as f32).clamp(ray.t_min, ray.t_max));
         }
-        let mut march = self.march(ray)?;
+        let mut march = self.march(ray, Goal::First)?;
         let at = loop {
             let p = march.point();
             let value = self.distance(p);
@@ -168,20 +168,38 @@ impl Sdf {
             return;
         }
         let marches = rays.filter_map(|(name, ray)| {
-            let march = self.march(&ray)?;
+            let march = self.march(&ray, Goal::First)?;
             Some(((name, ray.t_min, ray.t_max), march))
         });
-        packet::first_hits(self, marches, stats, |(name, t_min, t_max), t, evaluations| {
+        packet::all_hits(self, marches, stats, |(name, t_min, t_max), t, evaluations| {
             ended(name, t.map(|t| t.clamp(t_min, t_max)), evaluations);
         });
     }
 
+    /// Whether [`Sdf::intersect`] finds a hit, for many rays: `ended` gets the name of a ray, whether it has a hit, and how
+    /// many evaluations that took, for those that enter the bounds. Their order is not that of the rays.
+    pub fn occluded_all<N: Copy>(
+        &self,
+        rays: impl Iterator<Item = (N, SdfRay)>,
+        stats: &mut MarchStats,
+        mut ended: impl FnMut(N, bool, u32),
+    ) {
+        if self.closed.is_some() {
+            self.intersect_all(rays, stats, |name, hit, evaluations| ended(name, hit.is_some(), evaluations));
+            return;
+        }
+        let marches = rays.filter_map(|(name, ray)| Some((name, self.march(&ray, Goal::Any)?)));
+        packet::all_hits(self, marches, stats, |name, hit, evaluations| {
+            ended(name, hit.is_some(), evaluations);
+        });
+    }
+
     /// The march of a ray, unless it misses the bounds.
-    fn march(&self, ray: &SdfRay) -> Option<March> {
+    fn march(&self, ray: &SdfRay, goal: Goal) -> Option<March> {
         let (line, unit) = measured(ray)?;
         let segment = Segment::clip(self.bounds, line.origin, line.dir, unit, [line.from, line.to])?;
         let epsilon = if ray.footprint > 0.0 { (0.25 * ray.footprint).clamp(1e-6, 1e-3) } else { 1e-4 };
-        Some(March::new(segment, epsilon))
+        Some(March::new(segment, epsilon, goal))
     }
 
     /// The same without its closed form, for comparison.

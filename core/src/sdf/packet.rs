@@ -12,11 +12,15 @@ use super::real::Point;
 /// Rays that are marched at a time.
 const LANES: usize = 8;
 
-/// The first hit of every march of a list, as [`Sdf::intersect`] would find it: `ended` gets the name that came with
-/// the march, the distance in units of the ray's direction if there is a hit, and how many evaluations that took.
+/// After so many evaluations a march that looks for any hit looks ahead.
+const PATIENCE: u32 = 6;
+
+/// The hit of every march of a list, as [`Sdf::intersect`] would find it where the first one is wanted: `ended` gets the
+/// name that came with the march, the distance in units of the ray's direction if there is a hit, and how many evaluations
+/// that took.
 ///
 /// A ray's answer does not depend on the others; the order of the answers does.
-pub(super) fn first_hits<N: Copy>(
+pub(super) fn all_hits<N: Copy>(
     sdf: &Sdf,
     mut marches: impl Iterator<Item = (N, March)>,
     stats: &mut MarchStats,
@@ -43,15 +47,27 @@ pub(super) fn first_hits<N: Copy>(
         let before = rays.pace;
         let gone_on = rays.go_on(sdf, values, noises);
         let (values, noises) = (values.to_array(), noises.to_array());
-        for lane in (0..LANES).filter(|lane| gone_on >> lane & 1 == 0) {
+        let patient = bits(begun.map(|begun| round.wrapping_sub(begun) != PATIENCE));
+        for lane in (0..LANES).filter(|lane| (gone_on & patient) >> lane & 1 == 0) {
             let Some((name, march)) = &mut lanes[lane] else {
                 rays.pace.set(lane, &idle);
                 continue;
             };
-            if march.is_running() {
-                march.resume(before.lane(lane));
-            }
-            match march.tell(sdf, values[lane], noises[lane], stats) {
+            let next = if gone_on >> lane & 1 == 1 {
+                if !march.may_look_ahead(sdf) {
+                    continue;
+                }
+                begun[lane] = begun[lane].wrapping_sub(LANES as u32);
+                let Some(at) = rays.look_ahead(sdf, lane) else { continue };
+                stats.brackets += 1;
+                ControlFlow::Break(Some(at))
+            } else {
+                if march.is_running() {
+                    march.resume(before.lane(lane));
+                }
+                march.tell(sdf, values[lane], noises[lane], stats)
+            };
+            match next {
                 ControlFlow::Continue(()) => rays.set(lane, march),
                 ControlFlow::Break(hit) => {
                     let evaluations = round.wrapping_sub(begun[lane]);
@@ -109,6 +125,25 @@ impl Rays {
             f32x8::new(self.origin[axis]) + f32x8::new(self.dir[axis]) * self.pace.at
         });
         Point::new(x, y, z)
+    }
+
+    /// A place on the rest of a ray's way that is certainly on the other side of the surface, among eight that become rarer
+    /// with the distance.
+    ///
+    /// Near a surface steps are short, and what a ray to a lamp meets is often behind much more of it.
+    fn look_ahead(&self, sdf: &Sdf, lane: usize) -> Option<f32> {
+        let pace = self.pace.lane(lane);
+        let share: [f32; LANES] = std::array::from_fn(|i| ((i + 1) as f32 / (LANES + 1) as f32).powi(2));
+        let at = f32x8::splat(pace.here) + f32x8::new(share) * f32x8::splat(pace.course.length - pace.here);
+        let [x, y, z] = std::array::from_fn(|axis| {
+            f32x8::splat(self.origin[axis][lane]) + f32x8::splat(self.dir[axis][lane]) * at
+        });
+        let point = Point::new(x, y, z);
+        let values = f32x8::splat(pace.course.side) * sdf.distances(point, 0xff);
+        let clear = f32x8::splat(-4.0) * sdf.noises(point);
+        let beyond: f32x8 = values.simd_lt(clear);
+        let beyond = beyond.to_bitmask();
+        (beyond != 0).then(|| at.to_array()[beyond.trailing_zeros() as usize])
     }
 
     /// Lets all lanes go on; those that did, as bits. What the others have now means nothing.
