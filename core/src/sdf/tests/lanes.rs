@@ -144,3 +144,43 @@ fn rays_in_company_hit_what_they_hit_alone() {
         assert!(hits.iter().flatten().count() > 200, "{name}: a test that hits nothing shows nothing");
     }
 }
+
+#[test]
+fn rays_are_blocked_where_they_hit_something() {
+    let (mut whole, mut looked) = (0, 0);
+    for (name, sdf) in objects() {
+        let mut random = Random(35);
+        let (middle, radius) = (sdf.bounds().center(), 0.5 * sdf.bounds().size().length());
+        // From outside, from within, and from the surface.
+        let mut rays = Vec::new();
+        while rays.len() < 1003 {
+            let origin = middle + random.direction() * radius * random.within(0.0, 2.0);
+            let start = ray(origin, middle + random.direction() * radius * random.next() - origin);
+            rays.push(start);
+            if let Some(t) = sdf.intersect(&start, &mut MarchStats::default()) {
+                let p = start.origin + start.dir * t;
+                let normal = sdf.normal(p);
+                let from = p + normal * sdf.offset(p);
+                let away = random.direction();
+                rays.push(ray(from, if away.dot(normal) < 0.0 { -away } else { away }));
+            }
+        }
+        let (mut nearest, mut any) = (MarchStats::default(), MarchStats::default());
+        let mut blocked = vec![false; rays.len()];
+        let mut evaluations = 0;
+        sdf.occluded_all(rays.iter().copied().enumerate(), &mut any, |i, is_hit, taken| {
+            blocked[i] = is_hit;
+            evaluations += u64::from(taken);
+        });
+        assert_eq!(evaluations, any.evaluations, "{name}");
+        for (ray, blocked) in rays.iter().zip(&blocked) {
+            assert_eq!(sdf.intersect(ray, &mut nearest).is_some(), *blocked, "{name}: {ray:?}");
+        }
+        let hits = blocked.iter().filter(|blocked| **blocked).count();
+        assert!(hits > 200 && hits < rays.len(), "{name}: {hits} of {}", rays.len());
+        whole += nearest.evaluations;
+        looked += any.evaluations;
+    }
+    println!("evaluations: {whole} to the nearest hit, {looked} to any");
+    assert!(looked < whole, "{looked} {whole}");
+}
