@@ -11,11 +11,8 @@ pub fn disk_concentric(u: Vec2) -> Vec2 {
     if o == Vec2::ZERO {
         return Vec2::ZERO;
     }
-    let (r, turn) = if o.x.abs() > o.y.abs() {
-        (o.x, 0.125 * (o.y / o.x))
-    } else {
-        (o.y, 0.25 - 0.125 * (o.x / o.y))
-    };
+    let (r, turn) =
+        if o.x.abs() > o.y.abs() { (o.x, 0.125 * (o.y / o.x)) } else { (o.y, 0.25 - 0.125 * (o.x / o.y)) };
     let (sin, cos) = sin_cos_turn(turn);
     Vec2::new(r * cos, r * sin)
 }

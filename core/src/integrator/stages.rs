@@ -2,7 +2,8 @@
 
 use super::Wave;
 use super::common::{
-    behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
+    behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from,
+    survival,
 };
 use super::media;
 use super::paths::{Paths, ShadowRay};

@@ -85,7 +85,10 @@ impl<const N: usize> Seen<N> {
     pub(super) fn new(plate: &Plate, corners: [Vec3; N], p: Vec3) -> Option<Self> {
         let first = corners[0].as_dvec3() - p.as_dvec3();
         let height = -first.dot(plate.normal);
-        if height.is_nan() || height <= 0.0 || height * height <= Self::IN_PLANE * Self::IN_PLANE * plate.reach2 {
+        if height.is_nan()
+            || height <= 0.0
+            || height * height <= Self::IN_PLANE * Self::IN_PLANE * plate.reach2
+        {
             return None;
         }
         let seen = if plate.reach2 < Self::FAR * Self::FAR * first.length_squared() {
