@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""How often the 95 % interval of the reported error holds the true one.
+
+usage: bench/coverage.py [--spp 32] [--seeds 64] [--pixels 3000] [--scenes DIR] [--bin DIR] [--json OUT] [NAME…]
+
+Renders each scene of bench/sweep.py with many seeds at about --pixels pixels. The true error of a picture is its relMSE,
+mean((a-b)² / (b²+0.01)), against the mean b of all other pictures, less what that mean is itself off; an interval of that
+picture's report holds it or does not. A good interval holds 90 to 98 % of them. Prints for each scene that share, where the
+others lie, the median of reported over true error, and how much of all error the worst of a hundred pixels have: the more,
+the less one picture can know of its error. Needs numpy and OpenEXR.
+"""
+import argparse
+import json
+import os
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import sweep
+from race import np, picture
+
+HEAD = "| scene | held | true is above | true is below | reported / true | worst 1 % of pixels |\n|---|---|---|---|---|---|"
+
+
+def shrink(scene, pixels):
+    """The size of a scene at about so many pixels."""
+    width, height = (int(part) for part in scene.size.split("x"))
+    scale = min(1.0, (pixels / (width * height)) ** 0.5)
+    scene.size = f"{max(8, round(width * scale))}x{max(8, round(height * scale))}"
+    return scene
+
+
+def measure(scene, work, options):
+    """The row of a scene."""
+    asked = ["--spp", str(options.spp)]
+    pictures, reports = [], []
+    for seed in range(options.seeds):
+        out, report = sweep.render(scene, asked, seed + 1, work, options)
+        pictures.append(picture(out))
+        reports.append(report)
+        os.remove(out)
+    total, count = np.sum(pictures, axis=0), options.seeds
+    variance = np.var(pictures, axis=0, ddof=1)
+    truths, worst = [], []
+    for own in pictures:
+        others = (total - own) / (count - 1)
+        squares = ((own - others) ** 2 - variance / (count - 1)) / (others**2 + 1e-2)
+        truths.append(float(squares.mean()))
+        of_pixels = np.sort(squares.mean(axis=2).ravel())
+        worst.append(of_pixels[-max(1, len(of_pixels) // 100):].sum() / of_pixels.sum())
+    limits = [report["rel_mse_ci95"] for report in reports]
+    above = sum(truth > high for truth, (_, high) in zip(truths, limits))
+    below = sum(truth < low for truth, (low, _) in zip(truths, limits))
+    ratios = [report["rel_mse"] / truth for report, truth in zip(reports, truths)]
+    return {
+        "scene": scene.name, "size": scene.size, "spp": options.spp, "seeds": count, "held": 1 - (above + below) / count,
+        "above": above / count, "below": below / count, "reported_over_true": float(np.median(ratios)),
+        "worst_pixels": float(np.median(worst)), "true": truths, "reported": [report["rel_mse"] for report in reports],
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--spp", type=int, default=32, metavar="N", help="samples per pixel (32)")
+    parser.add_argument("--seeds", type=int, default=64, metavar="N", help="pictures of each scene (64)")
+    parser.add_argument("--pixels", type=int, default=3000, metavar="N", help="about how many pixels (3000)")
+    parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
+    parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")
+    parser.add_argument("--bin", default=os.path.join(sweep.ROOT, "target", "release"), metavar="DIR", help="where karst is")
+    parser.add_argument("--json", metavar="OUT", help="write all figures here")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (all)")
+    options = parser.parse_args()
+    options.karst = os.path.join(options.bin, "karst")
+    results = {"about": sweep.about(options), "rows": []}
+    print(HEAD, flush=True)
+    with tempfile.TemporaryDirectory() as work:
+        for scene in [*sweep.own_scenes(options), *sweep.others_scenes(options, work)]:
+            row = measure(shrink(scene, options.pixels), work, options)
+            results["rows"].append(row)
+            print(f"| {row['scene']} | {100 * row['held']:.0f} % | {100 * row['above']:.0f} % | {100 * row['below']:.0f} % "
+                  f"| {row['reported_over_true']:.2f} | {100 * row['worst_pixels']:.0f} % |", flush=True)
+            if options.json:
+                with open(options.json, "w", encoding="utf-8") as file:
+                    json.dump(results, file, indent=1)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
