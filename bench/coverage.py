@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """How often the 95 % interval of the reported error holds the true one.
 
-usage: bench/coverage.py [--spp 32] [--seeds 64] [--pixels 3000] [--scenes DIR] [--bin DIR] [--json OUT] [NAME…]
+usage: bench/coverage.py [--spp 32] [--seeds 64] [--truth 8192] [--pixels 3000] [--scenes DIR] [--bin DIR] [--json OUT] [NAME…]
 
 Renders each scene of bench/sweep.py with many seeds at about --pixels pixels. The true error of a picture is its relMSE,
-mean((a-b)² / (b²+0.01)), against the mean b of all other pictures, less what that mean is itself off; an interval of that
+mean((a-b)² / (b²+0.01)) at the exposure of the film, against the mean b of all other pictures and of one more of --truth samples
+per pixel, less what that mean is itself off; an interval of that
 picture's report holds it or does not. A good interval holds 90 to 98 % of them. Prints for each scene that share, where the
 others lie, the median of reported over true error, and how much of all error the worst of a hundred pixels have: the more,
 the less one picture can know of its error. Needs numpy and OpenEXR.
@@ -32,19 +33,24 @@ def shrink(scene, pixels):
 
 def measure(scene, work, options):
     """The row of a scene."""
-    asked = ["--spp", str(options.spp)]
     pictures, reports = [], []
-    for seed in range(options.seeds):
+    for seed in range(options.seeds + 1):
+        asked = ["--spp", str(options.spp if seed < options.seeds else options.truth)]
         out, report = sweep.render(scene, asked, seed + 1, work, options)
         pictures.append(picture(out))
         reports.append(report)
         os.remove(out)
-    total, count = np.sum(pictures, axis=0), options.seeds
-    variance = np.var(pictures, axis=0, ddof=1)
+    reports.pop()
+    # A dark scene is judged as it will be shown: by what the exposure makes of it.
+    with open(scene.document, encoding="utf-8") as file:
+        pictures = np.asarray(pictures) * 2.0 ** json.load(file)["film"].get("exposure", 0.0)
+    more, count = options.truth / options.spp, options.seeds
+    total = np.sum(pictures[:-1], axis=0) + pictures[-1] * more
+    variance = np.var(pictures[:-1], axis=0, ddof=1)
     truths, worst = [], []
-    for own in pictures:
-        others = (total - own) / (count - 1)
-        squares = ((own - others) ** 2 - variance / (count - 1)) / (others**2 + 1e-2)
+    for own in pictures[:-1]:
+        others = (total - own) / (count - 1 + more)
+        squares = ((own - others) ** 2 - variance / (count - 1 + more)) / (others**2 + 1e-2)
         truths.append(float(squares.mean()))
         of_pixels = np.sort(squares.mean(axis=2).ravel())
         worst.append(of_pixels[-max(1, len(of_pixels) // 100):].sum() / of_pixels.sum())
@@ -63,6 +69,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spp", type=int, default=32, metavar="N", help="samples per pixel (32)")
     parser.add_argument("--seeds", type=int, default=64, metavar="N", help="pictures of each scene (64)")
+    parser.add_argument("--truth", type=int, default=8192, metavar="N", help="samples per pixel of the truth (8192)")
     parser.add_argument("--pixels", type=int, default=3000, metavar="N", help="about how many pixels (3000)")
     parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
     parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")

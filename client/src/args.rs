@@ -258,7 +258,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "E", value_parser = positive)]
     pub(crate) reference_error: Option<f64>,
     /// A rendered once more with another seed: what both differ by is the noise of A, weighed like the relMSE. The
-    /// estimate in the file is relative to A itself and too small where single bright samples stand out of the dark.
+    /// estimate in the file is relative to what is around each pixel of A.
     #[arg(long, value_name = "A2.exr")]
     pub(crate) repeat: Option<PathBuf>,
     /// Layer to compare, as in `Denoised`: the beauty unless given.

@@ -1,6 +1,7 @@
 //! Owns the picture in the making: its geometry (regions, blocks, tiles), the plan of a round, the result of a tile,
 //! and the film that results are merged into.
 
+mod error;
 mod filter;
 mod grid;
 mod picture;

@@ -85,6 +85,9 @@ pub struct PixelSums {
     pub normal: [f16; 3],
     /// Smallest distance to the first surface; infinite where there is none.
     pub depth: f32,
+    /// Mean luminance over the samples of the round of the lights that are seen, themselves or behind nothing but mirrors
+    /// and panes.
+    pub emission: f16,
 }
 
 impl PixelSums {
@@ -95,8 +98,9 @@ impl PixelSums {
         albedo: [f16::ZERO; 3],
         normal: [f16::ZERO; 3],
         depth: f32::INFINITY,
+        emission: f16::ZERO,
     };
-    pub(super) const BYTES: usize = 40;
+    pub(super) const BYTES: usize = 42;
 
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         for v in [self.a.x, self.a.y, self.a.z, self.b.x, self.b.y, self.b.z] {
@@ -106,6 +110,7 @@ impl PixelSums {
             out.extend(h.to_le_bytes());
         }
         out.extend(self.depth.to_le_bytes());
+        out.extend(self.emission.to_le_bytes());
     }
 
     pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self, ResultError> {
@@ -115,7 +120,7 @@ impl PixelSums {
         let mut half3 =
             || -> Result<[f16; 3], ResultError> { Ok([reader.f16()?, reader.f16()?, reader.f16()?]) };
         let (albedo, normal) = (half3()?, half3()?);
-        Ok(Self { a, b, albedo, normal, depth: reader.f32()? })
+        Ok(Self { a, b, albedo, normal, depth: reader.f32()?, emission: reader.f16()? })
     }
 }
 
@@ -151,7 +156,7 @@ pub struct TileResult {
 }
 
 impl TileResult {
-    const MAGIC: [u8; 4] = *b"KTR2";
+    const MAGIC: [u8; 4] = *b"KTR3";
 
     /// The result as bytes, little endian: what is hashed, stored and sent.
     pub fn to_bytes(&self) -> Vec<u8> {

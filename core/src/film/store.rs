@@ -4,6 +4,7 @@
 //! Results are merged once each and rounds in order, so that the sums are the same whatever order the tiles of a
 //! round arrive in.
 
+use super::error::{Errors, block_errors, replicates};
 use super::result::{Reader, write_counters};
 use super::{BLOCK, Counters, FrameSize, Picture, PixelSums, Region, ResultError, TileGrid, TileResult};
 use crate::sdf::MarchStats;
@@ -27,7 +28,7 @@ pub struct FrameSummary {
     /// relMSE = mean((x − truth)² / (truth² + 0.01)) at the film's exposure, estimated; `None` while only one
     /// replicate has samples.
     pub rel_mse: Option<f64>,
-    /// Its 95 % interval, from the spread between blocks.
+    /// Its 95 % interval, from the spread between pixels.
     pub rel_mse_ci95: Option<[f64; 2]>,
     /// Root of the mean squared error, estimated.
     pub rmse: Option<f64>,
@@ -51,7 +52,7 @@ struct Block {
     spread_samples: [u32; 2],
 }
 
-/// The merged state of one frame; 40 bytes a pixel, 44 in scenes with distance functions.
+/// The merged state of one frame; 44 bytes a pixel, 48 in scenes with distance functions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Film {
     size: FrameSize,
@@ -69,7 +70,7 @@ pub struct Film {
 }
 
 impl Film {
-    const MAGIC: [u8; 4] = *b"KFM2";
+    const MAGIC: [u8; 4] = *b"KFM3";
 
     /// An empty film over `window`; `exposure` in stops scales the error measure.
     pub fn new(size: FrameSize, window: Region, exposure: f32) -> Self {
@@ -153,6 +154,7 @@ impl Film {
             pixel.depth = pixel.depth.min(new.depth);
             blend(&mut pixel.albedo, new.albedo, weight);
             blend(&mut pixel.normal, new.normal, weight);
+            blend(std::array::from_mut(&mut pixel.emission), [new.emission], weight);
         }
         let evaluations = &mut self.evaluations[from.block as usize];
         evaluations.resize(from.evaluations.len(), 0);
@@ -170,10 +172,7 @@ impl Film {
         let block = &self.blocks[index];
         let spread = std::array::from_fn(|r| block.spread[r] / f64::from(block.spread_samples[r].max(1)));
         let both = block.samples[0] > 0 && block.samples[1] > 0;
-        let rel_mse = both.then(|| {
-            let errors = self.pixels[index].iter().map(|p| pixel_errors(p, block.samples, self.scale).0);
-            errors.sum::<f64>() / self.pixels[index].len().max(1) as f64
-        });
+        let rel_mse = both.then(|| self.errors_of(index).relative / self.pixels[index].len().max(1) as f64);
         BlockStats { samples: block.samples, spread, rel_mse }
     }
 
@@ -196,25 +195,19 @@ impl Film {
             ..FrameSummary::default()
         };
         if self.blocks.iter().all(|b| b.samples[0] > 0 && b.samples[1] > 0) {
-            let (relative, absolute): (Vec<f64>, Vec<f64>) = self.block_error_sums().into_iter().unzip();
-            let mean = relative.iter().sum::<f64>() / pixels;
-            let interval = confidence(&relative, &self.pixels, mean, pixels);
-            summary.rel_mse = Some(mean);
-            summary.rel_mse_ci95 = Some(interval);
-            summary.rmse = Some((absolute.iter().sum::<f64>() / pixels).sqrt());
+            let mut errors = Errors::default();
+            (0..self.blocks.len()).for_each(|index| errors.add(&self.errors_of(index)));
+            summary.rel_mse = Some(errors.relative / pixels);
+            summary.rel_mse_ci95 = Some(errors.interval(pixels));
+            summary.rmse = Some((errors.absolute / pixels).sqrt());
         }
         summary
     }
 
-    /// Sums over the pixels of each block of (relative, absolute) squared error.
-    fn block_error_sums(&self) -> Vec<(f64, f64)> {
-        let of = |(block, pixels): (&Block, &Vec<PixelSums>)| {
-            pixels.iter().fold((0.0, 0.0), |sum, p| {
-                let (relative, absolute) = pixel_errors(p, block.samples, self.scale);
-                (sum.0 + relative, sum.1 + absolute)
-            })
-        };
-        self.blocks.iter().zip(&self.pixels).map(of).collect()
+    /// Sums over the pixels of a block.
+    fn errors_of(&self, index: usize) -> Errors {
+        let width = self.grid.block_region(index as u32).width() as usize;
+        block_errors(&self.pixels[index], width, self.blocks[index].samples, f64::from(self.scale))
     }
 
     /// The whole window, resolved.
@@ -323,11 +316,6 @@ impl Film {
     }
 }
 
-/// Means of the replicates where they have samples.
-fn replicates(pixel: &PixelSums, samples: [u32; 2]) -> [Vec3; 2] {
-    [pixel.a / samples[0].max(1) as f32, pixel.b / samples[1].max(1) as f32]
-}
-
 /// The fixed-weight mean of both replicates, or the one that has samples.
 fn mean(pixel: &PixelSums, samples: [u32; 2]) -> Vec3 {
     let [a, b] = replicates(pixel, samples);
@@ -338,25 +326,7 @@ fn mean(pixel: &PixelSums, samples: [u32; 2]) -> Vec3 {
     }
 }
 
-/// Relative and absolute squared error of the pixel's mean, averaged over channels: (A − B)²/4 is an unbiased
-/// estimate of it, because A and B are independent.
-fn pixel_errors(pixel: &PixelSums, samples: [u32; 2], scale: f32) -> (f64, f64) {
-    let [a, b] = replicates(pixel, samples);
-    let square = squared((a - b).as_dvec3() * 0.5);
-    let seen = ((a + b) * (0.5 * scale)).as_dvec3();
-    let relative = square * f64::from(scale).powi(2) / (seen * seen + 0.01);
-    (relative.element_sum() / 3.0, square.element_sum() / 3.0)
-}
-
-/// 95 % interval of a mean over pixels from the spread of block sums, by the normal approximation.
-fn confidence(sums: &[f64], pixels: &[Vec<PixelSums>], mean: f64, total: f64) -> [f64; 2] {
-    let n = sums.len() as f64;
-    let variance: f64 = sums.iter().zip(pixels).map(|(s, p)| (s - mean * p.len() as f64).powi(2)).sum();
-    let half = 1.96 * (variance * n / (n - 1.0).max(1.0)).sqrt() / total;
-    [(mean - half).max(0.0), mean + half]
-}
-
-fn blend(into: &mut [f16; 3], new: [f16; 3], weight: f32) {
+fn blend<const N: usize>(into: &mut [f16; N], new: [f16; N], weight: f32) {
     for (have, new) in into.iter_mut().zip(new) {
         *have = f16::from_f32(have.to_f32() + (new.to_f32() - have.to_f32()) * weight);
     }
@@ -364,8 +334,4 @@ fn blend(into: &mut [f16; 3], new: [f16; 3], weight: f32) {
 
 fn to_vec3(h: [f16; 3]) -> Vec3 {
     Vec3::new(h[0].to_f32(), h[1].to_f32(), h[2].to_f32())
-}
-
-fn squared(v: glam::DVec3) -> glam::DVec3 {
-    v * v
 }

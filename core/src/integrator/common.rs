@@ -22,6 +22,14 @@ pub(super) fn note_features(vertex: &Vertex<'_>, paths: &mut Paths, path: usize)
     paths.features[path].normal = vertex.frame.n * facing;
 }
 
+/// Adds the light that a path has run into.
+pub(super) fn add_emission(paths: &mut Paths, path: usize, radiance: Vec3) {
+    paths.radiance[path] += radiance;
+    if paths.unseen[path] && paths.pdf[path].is_infinite() {
+        paths.features[path].emission += luminance(radiance);
+    }
+}
+
 /// Weight of having found a light by scattering; 1 for camera rays, which no light sampling competes with.
 pub(super) fn scattered_weight(
     scene: &Scene,

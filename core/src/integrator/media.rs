@@ -15,7 +15,8 @@
 //! the same pictures.
 
 use super::common::{
-    cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from, survival,
+    add_emission, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight,
+    shadow_ray_from, survival,
 };
 use super::paths::{Paths, ShadowRay};
 use super::stages::light_up;
@@ -198,7 +199,7 @@ fn arrive(
     let d = paths.rays[path].d;
     if let Some((light, radiance, pdf)) = scene.emission(surface, paths.receivers[path].p, d) {
         let weight = weight_of_finite(scene, paths, path, light, pdf);
-        paths.radiance[path] += paths.beta[path] * through * radiance * weight;
+        add_emission(paths, path, paths.beta[path] * through * radiance * weight);
     }
     if bounce == 0 {
         paths.features[path].depth = distance;
@@ -213,7 +214,7 @@ fn leave(scene: &Scene, paths: &mut Paths, path: usize, through: Vec3) {
     let d = paths.rays[path].d;
     for (light, radiance, pdf) in scene.lights().infinite(d) {
         let weight = weight_of_infinite(scene, paths, path, light, pdf);
-        paths.radiance[path] += paths.beta[path] * through * radiance * weight;
+        add_emission(paths, path, paths.beta[path] * through * radiance * weight);
     }
 }
 

@@ -16,10 +16,12 @@ pub struct Feature {
     pub normal: Vec3,
     /// Distance to the first surface; infinite where there is none.
     pub depth: f32,
+    /// Luminance of the lights that are seen, themselves or behind nothing but mirrors and panes.
+    pub emission: f32,
 }
 
 impl Feature {
-    const NONE: Self = Self { albedo: Vec3::ZERO, normal: Vec3::ZERO, depth: f32::INFINITY };
+    const NONE: Self = Self { albedo: Vec3::ZERO, normal: Vec3::ZERO, depth: f32::INFINITY, emission: 0.0 };
 }
 
 /// A shadow ray and what it brings where nothing is in its way.

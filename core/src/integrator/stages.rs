@@ -2,8 +2,8 @@
 
 use super::Wave;
 use super::common::{
-    behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight, shadow_ray_from,
-    survival,
+    add_emission, behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight,
+    shadow_ray_from, survival,
 };
 use super::media;
 use super::paths::{Paths, ShadowRay};
@@ -103,14 +103,14 @@ pub(super) fn emit(scene: &Scene, bounce: u32, paths: &mut Paths) {
         let Some(hit) = paths.hits[path] else {
             for (light, radiance, pdf) in scene.lights().infinite(ray.d) {
                 let weight = scattered_weight(scene, paths, path, light, pdf);
-                paths.radiance[path] += paths.beta[path] * radiance * weight;
+                add_emission(paths, path, paths.beta[path] * radiance * weight);
             }
             continue;
         };
         let surface = scene.surface(&ray, &hit);
         if let Some((light, radiance, pdf)) = scene.emission(&surface, paths.receivers[path].p, ray.d) {
             let weight = scattered_weight(scene, paths, path, light, pdf);
-            paths.radiance[path] += paths.beta[path] * radiance * weight;
+            add_emission(paths, path, paths.beta[path] * radiance * weight);
         }
         if bounce == 0 {
             paths.features[path].depth = paths.crossed[path] + hit.t;

@@ -3,6 +3,7 @@
 //! Sixteen consecutive samples of a replicate (a *sample block*) add in f32; sample blocks fold in index order in f64;
 //! the total is rounded to f32 once.
 
+use crate::color::luminance;
 use crate::film::{Counters, PixelSums};
 use crate::integrator::Paths;
 use crate::sampler::Replicate;
@@ -19,6 +20,7 @@ struct Pixel {
     albedo: Vec3,
     normal: Vec3,
     depth: f32,
+    emission: f32,
 }
 
 /// Sums over the pixels of a block.
@@ -49,6 +51,8 @@ impl Accumulator {
                 pixel.albedo += feature.albedo;
                 pixel.normal += feature.normal;
                 pixel.depth = pixel.depth.min(feature.depth);
+                // Nothing where the sample was dropped.
+                pixel.emission += feature.emission.min(luminance(value));
             }
             pixel.sum[r] += sum.as_dvec3();
             pixel.square[r] += square.as_dvec3();
@@ -77,6 +81,7 @@ impl Accumulator {
             albedo: halves(p.albedo),
             normal: halves(p.normal),
             depth: p.depth,
+            emission: f16::from_f32((p.emission * weight).min(f16::MAX.to_f32())),
         };
         self.pixels.iter().map(resolve).collect()
     }

@@ -1,0 +1,205 @@
+//! Owns what the error of a block of pixels is, as far as its two replicates tell.
+
+use super::{BLOCK, PixelSums};
+use crate::color::luminance;
+use glam::{DVec3, Vec3};
+
+/// How far around a pixel its brightness is looked for.
+const AROUND: usize = 2;
+
+/// A pixel that differs from what is around it by more than this times half the difference of its replicates does so by
+/// what it shows, not by noise: it lies on an edge, and its own brightness is the better one.
+const NOISE: f64 = 3.0;
+
+/// Half the difference of a pixel's replicates by its brightness, below which that brightness is good enough to divide
+/// by.
+const SURE: f64 = 0.25;
+
+/// How far the interval reaches for the sake of brightness that is not sure, as a part of what rests on it.
+const DOUBT: f64 = 0.2;
+
+/// Standard deviations that 95 % lie within.
+const Z: f64 = 1.96;
+
+/// Most pixels of a block.
+const MOST: usize = (BLOCK * BLOCK) as usize;
+
+/// Errors of the means of a block's pixels, given row by row; `scale` is the exposure that relative errors are judged at.
+///
+/// (A − B)²/4 is an unbiased estimate of the square, because the replicates A and B are independent. Where they differ by
+/// much, it is not divided by the squared mean of the pixel itself: a single bright sample would raise both and count as 1 at
+/// most, where it is many times what is really there. The pixels around, within the block, say what that is. On most scenes
+/// the whole is then 0.85 to 1.25 times the truth; by the pixel itself 0.16 to 1.0 times.
+pub(super) fn block_errors(pixels: &[PixelSums], width: usize, samples: [u32; 2], scale: f64) -> Errors {
+    let mut found = [Found::default(); MOST];
+    let mut errors = Errors::default();
+    let halves = || pixels.iter().map(|pixel| replicates(pixel, samples).map(|half| half.as_dvec3() * scale));
+    for ((found, [a, b]), pixel) in found.iter_mut().zip(halves()).zip(pixels) {
+        let own = (a + b) * 0.5;
+        let emission =
+            f64::from(pixel.emission.to_f32()) * scale / f64::from(luminance(own.as_vec3())).max(1e-30);
+        *found = Found { own, scattered: own * (1.0 - emission.min(1.0)) };
+    }
+    let found = &found[..pixels.len().min(MOST)];
+    let sums = sums_around(found, width.max(1));
+    for ((found, (around, count)), [a, b]) in found.iter().zip(sums).zip(halves()) {
+        let half = (a - b) * 0.5;
+        let (level, noisy) = level(found, half, around, count);
+        let relative = (half * half / (level * level + 0.01)).element_sum() / 3.0;
+        errors.add(&Errors {
+            relative,
+            absolute: (half * half).element_sum() / 3.0 / (scale * scale),
+            squares: relative * relative,
+            cubes: relative.powi(3),
+            doubt: if noisy { relative } else { 0.0 },
+        });
+    }
+    errors
+}
+
+/// Sums over pixels.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Errors {
+    /// Relative squared errors, averaged over channels.
+    pub(super) relative: f64,
+    /// Absolute squared errors, averaged over channels.
+    pub(super) absolute: f64,
+    /// Squares of the relative ones.
+    squares: f64,
+    /// Cubes of the relative ones.
+    cubes: f64,
+    /// What of the relative ones rests on brightness that is not sure.
+    doubt: f64,
+}
+
+impl Errors {
+    pub(super) fn add(&mut self, other: &Self) {
+        self.relative += other.relative;
+        self.absolute += other.absolute;
+        self.squares += other.squares;
+        self.cubes += other.cubes;
+        self.doubt += other.doubt;
+    }
+
+    /// 95 % interval of the mean relative squared error of so many pixels.
+    ///
+    /// What is estimated is not the mean over all pictures but what this one is off, which scatters as much as the estimate
+    /// itself: the squares count twice. The upper end is further away by the skewness (Johnson, "Modified t tests and
+    /// confidence intervals for asymmetrical populations", 1978): where few pixels make up much of the error, more of their
+    /// kind have not been hit yet.
+    pub(super) fn interval(&self, pixels: f64) -> [f64; 2] {
+        let mean = self.relative / pixels;
+        let half = (Z * (2.0 * self.squares).sqrt()).hypot(DOUBT * self.doubt) / pixels;
+        let skew = (1.0 + 2.0 * Z * Z) / 6.0 * self.cubes / self.squares.max(f64::MIN_POSITIVE) / pixels;
+        [(mean - half).max(0.0), mean + half + skew]
+    }
+}
+
+/// What a pixel shows, as far as its samples tell.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    own: DVec3,
+    /// Without the lights that are seen themselves: those have edges, but no noise of paths.
+    scattered: DVec3,
+}
+
+/// How bright a pixel really is, as far as that is known, whatever its own noise: `around` is the sum over the square
+/// around it of what `count` pixels scatter, itself included.
+fn level(found: &Found, half: DVec3, around: DVec3, count: f64) -> (DVec3, bool) {
+    let Found { own, scattered } = *found;
+    let noise = half.abs();
+    let noisy = noise.cmpgt(own.abs() * SURE);
+    if count <= 1.0 {
+        return (own, noisy.any());
+    }
+    let instead = own - scattered + (around - scattered) / (count - 1.0);
+    let no_edge = (own - instead).abs().cmple(noise * NOISE);
+    (DVec3::select(noisy & no_edge, instead, own), (noisy & no_edge).any())
+}
+
+/// Means of the replicates where they have samples.
+pub(super) fn replicates(pixel: &PixelSums, samples: [u32; 2]) -> [Vec3; 2] {
+    [pixel.a / samples[0].max(1) as f32, pixel.b / samples[1].max(1) as f32]
+}
+
+/// For each pixel the sum of the square around it, within the block, and how many pixels that is.
+fn sums_around(found: &[Found], width: usize) -> impl Iterator<Item = (DVec3, f64)> {
+    let height = found.len() / width;
+    let mut rows = [DVec3::ZERO; MOST];
+    let range = move |at: usize, end: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(end);
+    for (row, sums) in found.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
+        for (x, sum) in sums.iter_mut().enumerate() {
+            *sum = row[range(x, width)].iter().map(|found| found.scattered).sum();
+        }
+    }
+    (0..height * width).map(move |at| {
+        let (x, y) = (at % width, at / width);
+        let of_rows = range(y, height);
+        let count = (of_rows.len() * range(x, width).len()) as f64;
+        (of_rows.map(|y| rows[y * width + x]).sum(), count)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BLOCK, Errors, PixelSums, block_errors};
+    use glam::Vec3;
+
+    fn block(width: usize, height: usize, of: impl Fn(usize, usize) -> (f32, f32)) -> Vec<PixelSums> {
+        let halves = (0..width * height).map(|at| of(at % width, at / width));
+        halves.map(|(a, b)| PixelSums { a: Vec3::splat(a), b: Vec3::splat(b), ..PixelSums::ZERO }).collect()
+    }
+
+    #[test]
+    fn even_blocks_have_the_plain_formula() {
+        for (width, height) in [(1, 1), (3, 1), (16, 16), (5, 16)] {
+            let pixels = block(width, height, |_, _| (2.0 * 1.1, 3.0 * 0.9));
+            let Errors { relative, absolute, .. } = block_errors(&pixels, width, [2, 3], 1.0);
+            let count = (width * height) as f64;
+            assert!((absolute / count - 0.01).abs() < 1e-7, "{width}x{height}: {absolute}");
+            assert!((relative / count - 0.01 / 1.01).abs() < 1e-7, "{width}x{height}: {relative}");
+            // Exposure leaves absolute errors as they are.
+            let brighter = block_errors(&pixels, width, [2, 3], 4.0);
+            assert!((brighter.absolute - absolute).abs() < 1e-6 * count);
+            assert!((brighter.relative / count - 0.16 / 16.01).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_firefly_counts_in_full() {
+        let side = BLOCK as usize;
+        for at in [(0, 0), (7, 7), (15, 3), (2, 15)] {
+            let pixels = block(side, side, |x, y| if (x, y) == at { (100.0, 0.0) } else { (0.1, 0.1) });
+            let Errors { relative, .. } = block_errors(&pixels, side, [1, 1], 1.0);
+            let expected = 50.0_f64 * 50.0 / (0.1 * 0.1 + 0.01);
+            assert!((relative / expected - 1.0).abs() < 1e-3, "{at:?}: {relative}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn the_edge_of_a_lamp_is_no_firefly() {
+        let side = BLOCK as usize;
+        let mut pixels = block(side, side, |x, y| if (x, y) == (5, 5) { (100.0, 0.0) } else { (0.1, 0.1) });
+        pixels[5 * side + 5].emission = half::f16::from_f32(50.0);
+        let Errors { relative, .. } = block_errors(&pixels, side, [1, 1], 1.0);
+        assert!((relative - 1.0).abs() < 0.01, "{relative}");
+        // Nor does it brighten what is around it.
+        pixels[5 * side + 6] = PixelSums { a: Vec3::splat(0.2), b: Vec3::ZERO, ..PixelSums::ZERO };
+        let Errors { relative: both, .. } = block_errors(&pixels, side, [1, 1], 1.0);
+        assert!((both - relative - 0.5).abs() < 0.05, "{both} {relative}");
+    }
+
+    #[test]
+    fn intervals_narrow_with_the_number_of_pixels() {
+        let few = Errors { relative: 100.0, squares: 100.0, cubes: 100.0, ..Errors::default() };
+        let many = Errors { relative: 10_000.0, squares: 10_000.0, cubes: 10_000.0, ..Errors::default() };
+        let [low, high] = few.interval(100.0);
+        assert!((low - 0.7228).abs() < 1e-3 && (high - 1.2917).abs() < 1e-3, "{low} {high}");
+        let [low, high] = many.interval(10_000.0);
+        assert!((low - 0.9723).abs() < 1e-3 && (high - 1.0279).abs() < 1e-3, "{low} {high}");
+        // One pixel that is all of the error: nothing is known from below.
+        let alone = Errors { relative: 100.0, squares: 10_000.0, cubes: 1_000_000.0, ..Errors::default() };
+        let [low, high] = alone.interval(100.0);
+        assert!(low == 0.0 && high > 3.7, "{low} {high}");
+    }
+}
