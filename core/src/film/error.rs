@@ -31,20 +31,15 @@ const MOST: usize = (BLOCK * BLOCK) as usize;
 /// most, where it is many times what is really there. The pixels around, within the block, say what that is. On most scenes
 /// the whole is then 0.85 to 1.25 times the truth; by the pixel itself 0.16 to 1.0 times.
 pub(super) fn block_errors(pixels: &[PixelSums], width: usize, samples: [u32; 2], scale: f64) -> Errors {
-    let mut found = [Found::default(); MOST];
     let mut errors = Errors::default();
     let halves = || pixels.iter().map(|pixel| replicates(pixel, samples).map(|half| half.as_dvec3() * scale));
-    for ((found, [a, b]), pixel) in found.iter_mut().zip(halves()).zip(pixels) {
-        let own = (a + b) * 0.5;
-        let emission =
-            f64::from(pixel.emission.to_f32()) * scale / f64::from(luminance(own.as_vec3())).max(1e-30);
-        *found = Found { own, scattered: own * (1.0 - emission.min(1.0)) };
-    }
-    let found = &found[..pixels.len().min(MOST)];
-    let sums = sums_around(found, width.max(1));
-    for ((found, (around, count)), [a, b]) in found.iter().zip(sums).zip(halves()) {
+    let found = halves().zip(pixels).map(|([a, b], pixel)| Seen {
+        mean: (a + b) * 0.5,
+        noise: (a - b).abs() * 0.5,
+        emission: f64::from(pixel.emission.to_f32()) * scale,
+    });
+    for ((level, noisy), [a, b]) in levels(found, width).zip(halves()) {
         let half = (a - b) * 0.5;
-        let (level, noisy) = level(found, half, around, count);
         let relative = (half * half / (level * level + 0.01)).element_sum() / 3.0;
         errors.add(&Errors {
             relative,
@@ -95,25 +90,43 @@ impl Errors {
     }
 }
 
-/// What a pixel shows, as far as its samples tell.
+/// What a pixel shows, as far as some samples tell.
 #[derive(Clone, Copy, Default)]
-struct Found {
-    own: DVec3,
-    /// Without the lights that are seen themselves: those have edges, but no noise of paths.
-    scattered: DVec3,
+pub(crate) struct Seen {
+    pub(crate) mean: DVec3,
+    /// Standard error of the mean.
+    pub(crate) noise: DVec3,
+    /// Luminance of the lights that the pixel sees themselves: they have edges, but no noise of paths.
+    pub(crate) emission: f64,
 }
 
-/// How bright a pixel really is, as far as that is known, whatever its own noise: `around` is the sum over the square
-/// around it of what `count` pixels scatter, itself included.
-fn level(found: &Found, half: DVec3, around: DVec3, count: f64) -> (DVec3, bool) {
-    let Found { own, scattered } = *found;
-    let noise = half.abs();
-    let noisy = noise.cmpgt(own.abs() * SURE);
+impl Seen {
+    /// Without the lights that are seen themselves.
+    fn scattered(&self) -> DVec3 {
+        self.mean * (1.0 - (self.emission / f64::from(luminance(self.mean.as_vec3())).max(1e-30)).min(1.0))
+    }
+}
+
+/// How bright the pixels of a block really are, as far as that is known, whatever their own noise, and whether it is unsure.
+pub(crate) fn levels(
+    pixels: impl Iterator<Item = Seen>,
+    width: usize,
+) -> impl Iterator<Item = (DVec3, bool)> {
+    let mut seen = [Seen::default(); MOST];
+    let count = seen.iter_mut().zip(pixels).map(|(seen, pixel)| *seen = pixel).count();
+    let sums = sums_around(&seen[..count], width.max(1));
+    seen.into_iter().take(count).zip(sums).map(|(seen, (around, count))| level(&seen, around, count))
+}
+
+/// The same of one; `around` is the sum over the square around it of what `count` pixels scatter, itself included.
+fn level(seen: &Seen, around: DVec3, count: f64) -> (DVec3, bool) {
+    let (own, scattered) = (seen.mean, seen.scattered());
+    let noisy = seen.noise.cmpgt(own.abs() * SURE);
     if count <= 1.0 {
         return (own, noisy.any());
     }
     let instead = own - scattered + (around - scattered) / (count - 1.0);
-    let no_edge = (own - instead).abs().cmple(noise * NOISE);
+    let no_edge = (own - instead).abs().cmple(seen.noise * NOISE);
     (DVec3::select(noisy & no_edge, instead, own), (noisy & no_edge).any())
 }
 
@@ -123,13 +136,13 @@ pub(super) fn replicates(pixel: &PixelSums, samples: [u32; 2]) -> [Vec3; 2] {
 }
 
 /// For each pixel the sum of the square around it, within the block, and how many pixels that is.
-fn sums_around(found: &[Found], width: usize) -> impl Iterator<Item = (DVec3, f64)> {
-    let height = found.len() / width;
+fn sums_around(seen: &[Seen], width: usize) -> impl Iterator<Item = (DVec3, f64)> + use<> {
+    let height = seen.len() / width;
     let mut rows = [DVec3::ZERO; MOST];
     let range = move |at: usize, end: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(end);
-    for (row, sums) in found.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
+    for (row, sums) in seen.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
         for (x, sum) in sums.iter_mut().enumerate() {
-            *sum = row[range(x, width)].iter().map(|found| found.scattered).sum();
+            *sum = row[range(x, width)].iter().map(Seen::scattered).sum();
         }
     }
     (0..height * width).map(move |at| {

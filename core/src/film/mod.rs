@@ -9,6 +9,7 @@ mod result;
 mod round;
 mod store;
 
+pub(crate) use error::{Seen, levels};
 pub use filter::{FilterKind, PixelFilter};
 pub use grid::{BLOCK, FrameSize, Region, TileGrid};
 pub use picture::Picture;

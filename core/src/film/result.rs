@@ -134,6 +134,8 @@ pub struct BlockResult {
     /// Mean over pixels and channels of the relative variance of one sample, by replicate A and by replicate B;
     /// 0 where the round took fewer than two.
     pub spread: [f32; 2],
+    /// What the samples of replicates A and B cost, in rays.
+    pub work: [u32; 2],
     /// Its pixels, row by row.
     pub pixels: Vec<PixelSums>,
     /// Evaluations of distance functions by pixel; empty where the scene has none.
@@ -162,7 +164,7 @@ impl TileResult {
     pub fn to_bytes(&self) -> Vec<u8> {
         let pixels: usize = self.blocks.iter().map(|b| b.pixels.len()).sum();
         let bytes = pixels * (PixelSums::BYTES + 4) + self.objects.len() * OBJECT_BYTES;
-        let mut out = Vec::with_capacity(128 + self.blocks.len() * 28 + bytes);
+        let mut out = Vec::with_capacity(128 + self.blocks.len() * 36 + bytes);
         out.extend(Self::MAGIC);
         for word in [self.tile, self.round, self.blocks.len() as u32] {
             out.extend(word.to_le_bytes());
@@ -174,6 +176,7 @@ impl TileResult {
                 out.extend(word.to_le_bytes());
             }
             out.extend(block.spread.iter().flat_map(|s| s.to_le_bytes()));
+            out.extend(block.work.iter().flat_map(|w| w.to_le_bytes()));
             for pixel in &block.pixels {
                 pixel.write(&mut out);
             }
@@ -219,9 +222,10 @@ impl TileResult {
             return Err(ResultError::Plan("another block or sample range"));
         }
         let spread = [reader.f32()?, reader.f32()?];
+        let work = [reader.u32()?, reader.u32()?];
         let pixels = (0..region.area()).map(|_| PixelSums::read(reader)).collect::<Result<_, _>>()?;
         let evaluations = reader.evaluations(if counted { region.area() } else { 0 })?;
-        Ok(BlockResult { block, range, spread, pixels, evaluations })
+        Ok(BlockResult { block, range, spread, work, pixels, evaluations })
     }
 }
 
@@ -245,7 +249,7 @@ impl<'a> Reader<'a> {
         self.take().map(u32::from_le_bytes)
     }
 
-    fn u64(&mut self) -> Result<u64, ResultError> {
+    pub(super) fn u64(&mut self) -> Result<u64, ResultError> {
         self.take().map(u64::from_le_bytes)
     }
 

@@ -18,6 +18,8 @@ pub struct BlockStats {
     pub samples: [u32; 2],
     /// Relative variance of one sample as A and as B saw it, averaged over the block; 0 where unknown.
     pub spread: [f64; 2],
+    /// Rays that a sample of a pixel costs, as A and as B saw it; 0 where unknown.
+    pub cost: [f64; 2],
     /// Estimate of the block's relMSE from the difference of the replicates; `None` until both have samples.
     pub rel_mse: Option<f64>,
 }
@@ -50,6 +52,8 @@ struct Block {
     /// Σ over rounds of (samples · relative variance), and the samples that went into it.
     spread: [f64; 2],
     spread_samples: [u32; 2],
+    /// Rays cast so far.
+    work: [u64; 2],
 }
 
 /// The merged state of one frame; 44 bytes a pixel, 48 in scenes with distance functions.
@@ -142,6 +146,7 @@ impl Film {
         let added = [from.range.a.len() as u32, from.range.b.len() as u32];
         for (r, &added) in added.iter().enumerate() {
             block.samples[r] += added;
+            block.work[r] += u64::from(from.work[r]);
             if added >= 2 {
                 block.spread[r] += f64::from(added) * f64::from(from.spread[r]);
                 block.spread_samples[r] += added;
@@ -173,7 +178,11 @@ impl Film {
         let spread = std::array::from_fn(|r| block.spread[r] / f64::from(block.spread_samples[r].max(1)));
         let both = block.samples[0] > 0 && block.samples[1] > 0;
         let rel_mse = both.then(|| self.errors_of(index).relative / self.pixels[index].len().max(1) as f64);
-        BlockStats { samples: block.samples, spread, rel_mse }
+        let cost = std::array::from_fn(|r| {
+            block.work[r] as f64
+                / (f64::from(block.samples[r].max(1)) * self.pixels[index].len().max(1) as f64)
+        });
+        BlockStats { samples: block.samples, spread, cost, rel_mse }
     }
 
     /// Error and cost so far.
@@ -263,7 +272,7 @@ impl Film {
     /// The film as bytes, little endian: a checkpoint.
     pub fn to_bytes(&self) -> Vec<u8> {
         let w = self.window();
-        let mut out = Vec::with_capacity(128 + self.blocks.len() * 32 + w.area() * PixelSums::BYTES);
+        let mut out = Vec::with_capacity(128 + self.blocks.len() * 48 + w.area() * PixelSums::BYTES);
         out.extend(Self::MAGIC);
         for word in [self.size.width, self.size.height, w.x0, w.y0, w.x1, w.y1] {
             out.extend(word.to_le_bytes());
@@ -275,6 +284,7 @@ impl Film {
                 out.extend(word.to_le_bytes());
             }
             out.extend(block.spread.iter().flat_map(|s| s.to_le_bytes()));
+            out.extend(block.work.iter().flat_map(|w| w.to_le_bytes()));
             for pixel in pixels {
                 pixel.write(&mut out);
             }
@@ -306,6 +316,7 @@ impl Film {
             block.samples = [reader.u32()?, reader.u32()?];
             block.spread_samples = [reader.u32()?, reader.u32()?];
             block.spread = [reader.f64()?, reader.f64()?];
+            block.work = [reader.u64()?, reader.u64()?];
             for pixel in &mut *pixels {
                 *pixel = PixelSums::read(&mut reader)?;
             }

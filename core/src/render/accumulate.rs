@@ -4,7 +4,7 @@
 //! the total is rounded to f32 once.
 
 use crate::color::luminance;
-use crate::film::{Counters, PixelSums};
+use crate::film::{Counters, PixelSums, Seen, levels};
 use crate::integrator::Paths;
 use crate::sampler::Replicate;
 use glam::{DVec3, Vec3};
@@ -20,7 +20,7 @@ struct Pixel {
     albedo: Vec3,
     normal: Vec3,
     depth: f32,
-    emission: f32,
+    emission: [f32; 2],
 }
 
 /// Sums over the pixels of a block.
@@ -52,7 +52,7 @@ impl Accumulator {
                 pixel.normal += feature.normal;
                 pixel.depth = pixel.depth.min(feature.depth);
                 // Nothing where the sample was dropped.
-                pixel.emission += feature.emission.min(luminance(value));
+                pixel.emission[r] += feature.emission.min(luminance(value));
             }
             pixel.sum[r] += sum.as_dvec3();
             pixel.square[r] += square.as_dvec3();
@@ -81,27 +81,36 @@ impl Accumulator {
             albedo: halves(p.albedo),
             normal: halves(p.normal),
             depth: p.depth,
-            emission: f16::from_f32((p.emission * weight).min(f16::MAX.to_f32())),
+            emission: f16::from_f32(((p.emission[0] + p.emission[1]) * weight).min(f16::MAX.to_f32())),
         };
         self.pixels.iter().map(resolve).collect()
     }
 
     /// Relative variance of one sample by replicate, averaged over pixels and channels; 0 below two samples.
     ///
-    /// `scale` is 2 to the power of the exposure: what is small on the screen counts little.
-    pub(super) fn spread(&self, scale: f32) -> [f32; 2] {
-        let scale = f64::from(scale).powi(2);
+    /// `width` is that of the block; `scale` is 2 to the power of the exposure: what is small on the screen counts little.
+    pub(super) fn spread(&self, width: usize, scale: f32) -> [f32; 2] {
+        let scale = f64::from(scale);
         std::array::from_fn(|r| {
             let n = f64::from(self.samples[r]);
             if n < 2.0 {
                 return 0.0;
             }
-            let of = |p: &Pixel| {
+            let moments = |p: &Pixel| {
                 let mean = p.sum[r] / n;
                 let variance = (p.square[r] / n - mean * mean).max(DVec3::ZERO) * (n / (n - 1.0));
-                (variance * scale / (mean * mean * scale + 0.01)).element_sum() / 3.0
+                (mean * scale, variance * (scale * scale))
             };
-            (self.pixels.iter().map(of).sum::<f64>() / self.pixels.len() as f64) as f32
+            let seen = self.pixels.iter().map(|p| {
+                let (mean, variance) = moments(p);
+                let noise = DVec3::from(variance.to_array().map(|v| (v / n).sqrt()));
+                Seen { mean, noise, emission: f64::from(p.emission[r]) / n * scale }
+            });
+            let of = |(p, (level, _)): (&Pixel, (DVec3, bool))| {
+                (moments(p).1 / (level * level + 0.01)).element_sum() / 3.0
+            };
+            (self.pixels.iter().zip(levels(seen, width)).map(of).sum::<f64>() / self.pixels.len() as f64)
+                as f32
         })
     }
 }

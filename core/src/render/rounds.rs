@@ -37,7 +37,7 @@ fn uniform(grid: &TileGrid, done: u32, spp: u32) -> Option<Round> {
         .then(|| Round { index: done, blocks: vec![SampleRange { a, b }; grid.block_count() as usize] })
 }
 
-/// Twice the samples where the error is.
+/// Twice the samples where they bring most.
 fn adaptive(grid: &TileGrid, film: &Film, done: u32, target: f64, max_spp: u32) -> Option<Round> {
     let goal = target * target;
     let measured = film.summary().rel_mse?;
@@ -46,14 +46,77 @@ fn adaptive(grid: &TileGrid, film: &Film, done: u32, target: f64, max_spp: u32) 
     }
     let stats = film.block_stats();
     let expected = expected_errors(grid, &stats, measured);
-    let may_grow = |b: usize, r: usize| stats[b].samples[r].max(1) * 2 <= max_spp / 2;
-    let threshold = choose_threshold(&expected, &may_grow, goal);
-    let range = |b: usize, r: usize| {
-        let n = stats[b].samples[r];
-        n..if expected[b][r] >= threshold && may_grow(b, r) { n * 2 } else { n }
-    };
-    let blocks: Vec<_> = (0..stats.len()).map(|b| SampleRange { a: range(b, 0), b: range(b, 1) }).collect();
+    let halves: Vec<Half> = stats
+        .iter()
+        .zip(&expected)
+        .flat_map(|(block, expected)| (0..2).map(|r| Half::new(block, r, expected[r], max_spp / 2)))
+        .collect();
+    let worth = choose_worth(&halves, goal);
+    let range = |half: &Half| half.samples..half.samples << half.doublings(worth).min(1);
+    let blocks: Vec<_> =
+        halves.chunks_exact(2).map(|half| SampleRange { a: range(&half[0]), b: range(&half[1]) }).collect();
     blocks.iter().any(|r| !r.is_empty()).then_some(Round { index: done, blocks })
+}
+
+/// One replicate of a block.
+struct Half {
+    samples: u32,
+    /// Squared relative error that it is expected to have.
+    expected: f64,
+    /// What all its samples cost in rays, judged by the other replicate, with one for the sample itself.
+    cost: f64,
+    /// How often its samples may double.
+    most: u32,
+}
+
+impl Half {
+    fn new(block: &BlockStats, replicate: usize, expected: f64, max_samples: u32) -> Self {
+        let samples = block.samples[replicate].max(1);
+        let cost = f64::from(samples) * (1.0 + block.cost[1 - replicate]);
+        Self { samples, expected, cost, most: (max_samples / samples).checked_ilog2().unwrap_or(0) }
+    }
+
+    /// What the samples are worth: squared error per ray.
+    fn worth(&self) -> f64 {
+        self.expected / self.cost
+    }
+
+    /// How often its samples double until they are worth less than `worth`: a doubling takes half of the error and costs as
+    /// much as all before, so that each next one is worth a quarter.
+    fn doublings(&self, worth: f64) -> u32 {
+        // Where the goal is out of reach, nothing is taken for converged.
+        if worth <= 0.0 {
+            return self.most;
+        }
+        let ratio = self.worth() / worth;
+        if ratio >= 1.0 { ((ratio.log2() / 2.0) as u32).saturating_add(1).min(self.most) } else { 0 }
+    }
+}
+
+/// What a sample must be worth so that the halves, doubled as long as they are worth it, are expected to reach the goal; 0 when
+/// they can not.
+///
+/// Only the first of these doublings is taken: what is known of a block is better after it. But where the others will be is
+/// decided now, else all blocks would grow as long as the goal is more than one doubling away.
+fn choose_worth(halves: &[Half], goal: f64) -> f64 {
+    // Aim a little below the goal, so that the last round is rarely followed by another.
+    let wanted = 0.9 * goal * 2.0 * halves.len() as f64;
+    let reached = |worth: f64| {
+        let left: f64 =
+            halves.iter().map(|half| half.expected / f64::from(1_u32 << half.doublings(worth).min(31))).sum();
+        left <= wanted
+    };
+    let largest = halves.iter().map(Half::worth).fold(0.0, f64::max);
+    // Halve the interval of its logarithm: fifty octaves are more than samples can double in.
+    let (mut low, mut high) = (-50.0_f64, 0.0_f64);
+    if !reached(largest * low.exp2()) {
+        return 0.0;
+    }
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        *(if reached(largest * middle.exp2()) { &mut low } else { &mut high }) = middle;
+    }
+    largest * low.exp2()
 }
 
 /// Squared relative error that each replicate of each block is expected to have, judged by the other replicate.
@@ -68,41 +131,34 @@ fn expected_errors(grid: &TileGrid, stats: &[BlockStats], measured: f64) -> Vec<
             })
         })
         .collect();
-    // Independent samples would err by the variance over their number; ours err by less. One factor for the frame.
-    let predicted = expected.iter().map(|e| (e[0] + e[1]) / 4.0).sum::<f64>() / expected.len().max(1) as f64;
-    let factor = if predicted > 0.0 { (measured / predicted).clamp(1e-3, 1e3) } else { 1.0 };
-    expected.iter_mut().flatten().for_each(|e| *e *= factor);
+    // Independent samples would err by the variance over their number; ours err by less, and the more the smoother a part of the
+    // picture is. How much less, the blocks around know: what this one's own samples say must not decide on them.
+    let predicted: Vec<f64> = expected.iter().map(|e| (e[0] + e[1]) / 4.0).collect();
+    let frame = [measured, predicted.iter().sum::<f64>() / predicted.len().max(1) as f64];
+    for (b, expected) in expected.iter_mut().enumerate() {
+        let mut sums = frame;
+        for other in around(stats.len(), columns, b).filter(|&other| other != b) {
+            sums[0] += stats[other].rel_mse.unwrap_or(0.0);
+            sums[1] += predicted[other];
+        }
+        let factor = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(1e-3, 1e3) } else { 1.0 };
+        expected.iter_mut().for_each(|e| *e *= factor);
+    }
     expected
 }
 
-/// The spread of a block in one replicate, and the largest of its eight neighbours.
+/// The spread of a block in one replicate, and the largest of it and its eight neighbours.
 fn neighbourhood(stats: &[BlockStats], columns: usize, block: usize, replicate: usize) -> (f64, f64) {
-    let (x, y) = (block % columns, block / columns);
-    let rows = stats.len() / columns;
-    let around = (y.saturating_sub(1)..=(y + 1).min(rows - 1))
-        .flat_map(|y| (x.saturating_sub(1)..=(x + 1).min(columns - 1)).map(move |x| y * columns + x));
-    let largest = around.map(|b| stats[b].spread[replicate]).fold(0.0, f64::max);
-    (stats[block].spread[replicate], largest)
+    let spread = |b: usize| stats[b].spread[replicate];
+    (spread(block), around(stats.len(), columns, block).map(spread).fold(0.0, f64::max))
 }
 
-/// The largest threshold such that doubling everything above it is expected to reach the goal; 0 when nothing does.
-fn choose_threshold(expected: &[[f64; 2]], may_grow: &dyn Fn(usize, usize) -> bool, goal: f64) -> f64 {
-    let mut sum: f64 = expected.iter().flatten().sum();
-    let mut growing: Vec<f64> = expected
-        .iter()
-        .enumerate()
-        .flat_map(|(b, e)| (0..2).filter(move |&r| may_grow(b, r)).map(move |r| e[r]))
-        .collect();
-    growing.sort_by(|a, b| b.total_cmp(a));
-    // Aim a little below the goal, so that the last round is rarely followed by another.
-    let wanted = 0.9 * goal * 4.0 * expected.len() as f64;
-    for error in growing {
-        sum -= error / 2.0;
-        if sum <= wanted {
-            return error;
-        }
-    }
-    0.0
+/// A block of so many and its eight neighbours.
+fn around(blocks: usize, columns: usize, block: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (block % columns, block / columns);
+    let rows = blocks / columns;
+    (y.saturating_sub(1)..=(y + 1).min(rows - 1))
+        .flat_map(move |y| (x.saturating_sub(1)..=(x + 1).min(columns - 1)).map(move |x| y * columns + x))
 }
 
 #[cfg(test)]
@@ -124,5 +180,32 @@ mod tests {
         assert_eq!(ends(u32::MAX).last(), Some(&u32::MAX));
         let one = uniform(&grid, 0, 1).unwrap();
         assert_eq!((one.blocks[0].a.clone(), one.blocks[0].b.clone()), (0..1, 0..0));
+    }
+
+    fn half(expected: f64, cost: f64) -> Half {
+        Half { samples: 16, expected, cost, most: 4 }
+    }
+
+    #[test]
+    fn samples_go_where_they_take_most_error_for_their_cost() {
+        let halves = [half(1.0, 16.0), half(0.1, 16.0), half(1.0, 1600.0), half(0.0, 16.0)];
+        let left =
+            |worth: f64| halves.iter().map(|h| h.expected / f64::from(1 << h.doublings(worth))).sum::<f64>();
+        for goal in [0.2, 0.1, 0.05] {
+            let worth = choose_worth(&halves, goal);
+            let wanted = 0.9 * goal * 8.0;
+            assert!(left(worth) <= wanted && left(worth * 1.001) > wanted, "{goal}: {}", left(worth));
+            let doublings: Vec<u32> = halves.iter().map(|h| h.doublings(worth)).collect();
+            assert!(
+                doublings[0] > doublings[1] && doublings[0] > doublings[2] && doublings[3] == 0,
+                "{doublings:?}"
+            );
+        }
+        // Out of reach: all take what they may.
+        assert_eq!(choose_worth(&halves, 1e-3), 0.0);
+        assert!(halves.iter().all(|h| h.doublings(0.0) == 4));
+        // Nothing known to be wrong, but the goal not reached: all go on.
+        let dark = [half(0.0, 16.0), half(0.0, 16.0)];
+        assert!(dark.iter().all(|h| h.doublings(choose_worth(&dark, 1e-9)) == 4));
     }
 }

@@ -32,10 +32,10 @@ pub fn render_tile(
             return None;
         }
         let pixels: Vec<[u32; 2]> = grid.block_region(block).pixels().collect();
-        let mut sums = render_block(scene, &pixels, range, &mut paths, &mut counters);
-        let spread = sums.spread(powf(2.0, scene.exposure()));
+        let (mut sums, work) = render_block(scene, &pixels, range, &mut paths, &mut counters);
+        let spread = sums.spread(grid.block_region(block).width() as usize, powf(2.0, scene.exposure()));
         let (pixels, evaluations) = (sums.pixels(), sums.evaluations());
-        blocks.push(BlockResult { block, range: range.clone(), spread, pixels, evaluations });
+        blocks.push(BlockResult { block, range: range.clone(), spread, work, pixels, evaluations });
     }
     let mut tally = paths.take_tally();
     counters.sdf_evaluations = tally.evaluations();
@@ -44,22 +44,32 @@ pub fn render_tile(
     Some(TileResult { tile, round: round.index, blocks, counters, objects: tally.objects })
 }
 
+/// The sums of a block, and what each replicate cost.
 fn render_block(
     scene: &Scene,
     pixels: &[[u32; 2]],
     range: &SampleRange,
     paths: &mut Paths,
     counters: &mut Counters,
-) -> Accumulator {
+) -> (Accumulator, [u32; 2]) {
     let mut sums = Accumulator::new(pixels.len());
+    let mut work = [0_u32; 2];
     for (replicate, samples) in [(Replicate::A, &range.a), (Replicate::B, &range.b)] {
         for samples in sample_blocks(samples) {
+            let before = counters.rays + counters.shadow_rays;
             trace(scene, &Wave { pixels, replicate, samples }, paths, counters);
             sums.add(paths, replicate, counters);
+            let evaluations: u64 = paths.evaluations.iter().copied().map(u64::from).sum();
+            let rays = counters.rays + counters.shadow_rays - before + evaluations / EVALUATIONS_OF_A_RAY;
+            work[replicate as usize] =
+                work[replicate as usize].saturating_add(u32::try_from(rays).unwrap_or(u32::MAX));
         }
     }
-    sums
+    (sums, work)
 }
+
+/// Evaluations of distance functions that cost about as much as a ray among triangles.
+const EVALUATIONS_OF_A_RAY: u64 = 10;
 
 /// A range cut at multiples of the sample block.
 fn sample_blocks(range: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
