@@ -69,7 +69,7 @@ fn render_block(
 }
 
 /// Evaluations of distance functions that cost about as much as a ray among triangles.
-const EVALUATIONS_OF_A_RAY: u64 = 10;
+const EVALUATIONS_OF_A_RAY: u64 = 4;
 
 /// A range cut at multiples of the sample block.
 fn sample_blocks(range: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
