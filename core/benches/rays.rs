@@ -87,8 +87,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             cast(&tree, &rays, kind == "shadow", &mut found);
             println!("RAYS\t{kind}\t{:.4}", rays.len() as f64 / started.elapsed().as_secs_f64() * 1e-6);
         }
-        let bytes: Vec<u8> =
-            found.iter().flat_map(|(t, triangle)| [t.to_le_bytes(), triangle.to_le_bytes()]).flatten().collect();
+        let bytes: Vec<u8> = found
+            .iter()
+            .flat_map(|(t, triangle)| [t.to_le_bytes(), triangle.to_le_bytes()])
+            .flatten()
+            .collect();
         fs::write(format!("{prefix}.{kind}.karst.hits"), bytes)?;
     }
     Ok(())

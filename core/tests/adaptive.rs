@@ -51,3 +51,73 @@ fn one_sample_shows_a_picture_of_unknown_error() {
     let (mean, _) = pooled_mean(&film);
     assert!(mean > 0.0 && mean.is_finite());
 }
+
+/// Pixels whose light a few samples find, where stopping on one's own samples would leave the picture too dark: name and
+/// what is added to a dim room.
+const HARD: [(&str, &str); 4] = [
+    // A lamp behind the camera, seen now and then by a small glossy ball.
+    (
+        "firefly",
+        r#""spheres": {"lamp": {"center": [0, 4, 9], "radius": 0.15, "material": "gray", "emission": [900, 900, 900]},
+        "ball": {"center": [0, 0.4, 0], "radius": 0.4, "material": "gloss"},
+        "ground": {"center": [0, -1000, 0], "radius": 1000, "material": "gray"}}"#,
+    ),
+    // A thin bright wire: some fiftieth of the pixels that it crosses.
+    (
+        "edge",
+        r#""spheres": {"lamp": {"center": [0, 1, 0], "radius": 0.03, "material": "gray", "emission": [20, 20, 20]},
+        "fill": {"center": [0, 60, 0], "radius": 20, "material": "gray", "emission": [1, 1, 1]},
+        "ground": {"center": [0, -1000, 0], "radius": 1000, "material": "gray"}}"#,
+    ),
+    // Light through a glass ball onto a floor that is lit otherwise.
+    (
+        "caustic",
+        r#""spheres": {"lamp": {"center": [2, 5, 0], "radius": 1, "material": "gray", "emission": [6, 6, 6]},
+        "fill": {"center": [0, 60, 0], "radius": 20, "material": "gray", "emission": [1, 1, 1]},
+        "ball": {"center": [0, 0.7, 0], "radius": 0.5, "material": "glass"},
+        "ground": {"center": [0, -1000, 0], "radius": 1000, "material": "gray"}}"#,
+    ),
+    // One lit corner of a dark picture.
+    (
+        "corner",
+        r#""spheres": {"lamp": {"center": [-2.6, 0.5, 0], "radius": 0.4, "material": "gray", "emission": [3, 3, 3]},
+        "ground": {"center": [0, -1000, 0], "radius": 1000, "material": "gray"}}"#,
+    ),
+];
+
+#[test]
+fn adaptive_pictures_are_as_bright_as_others() {
+    let text = |objects: &str, sampling: &str| {
+        format!(
+            r#"{{"version": 1,
+        "camera": {{"type": "perspective", "vfov": 50, "transform": {{"look_at": {{"eye": [0, 2, 6], "target": [0, 0.5, 0], "up": [0, 1, 0]}}}}}},
+        "film": {{"width": 64, "height": 48}}, "sampling": {sampling}, "integrator": {{"max_depth": 6}},
+        "materials": {{"gray": {{"type": "diffuse", "reflectance": [0.6, 0.6, 0.6]}},
+            "gloss": {{"type": "conductor", "alpha": 0.02, "eta": [0.2, 0.9, 1.1], "k": [3.9, 2.4, 2.2]}},
+            "glass": {{"type": "dielectric", "ior": 1.5}}}},
+        {objects}}}"#
+        )
+    };
+    for (name, objects) in HARD {
+        let [(adaptive, adaptive_error), (truth, truth_error)] =
+            [(24, r#""target_error": 0.06, "min_spp": 8, "max_spp": 2048"#), (6, r#""spp": 1024"#)].map(
+                |(pictures, goal)| {
+                    let means: Vec<f64> = (0..pictures)
+                        .map(|seed| {
+                            let sampling = format!(r#"{{{goal}, "seed": {}}}"#, seed + 1);
+                            mean_of(&render(&scene(&text(objects, &sampling)), 32, 2).picture().color)
+                        })
+                        .collect();
+                    let mean = means.iter().sum::<f64>() / f64::from(pictures);
+                    let variance =
+                        means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / f64::from(pictures - 1);
+                    (mean, (variance / f64::from(pictures)).sqrt())
+                },
+            );
+        let (bias, error) = (adaptive / truth - 1.0, adaptive_error.hypot(truth_error) / truth);
+        println!("{name}: {:.3} % +- {:.3} %", 100.0 * bias, 100.0 * error);
+        // The test can tell 1 %.
+        assert!(error < 0.004, "{name}: too noisy to tell, {error}");
+        assert!(bias.abs() < 0.01, "{name}: {bias} +- {error}");
+    }
+}

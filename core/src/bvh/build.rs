@@ -87,7 +87,7 @@ fn build_binary(boxes: &[Aabb]) -> Bvh2 {
         SortPrecision::U64,
         1,
     );
-    ReinsertionOptimizer::default().run(&mut binary, 0.05, None);
+    ReinsertionOptimizer::default().run(&mut binary, 0.2, None);
     binary
 }
 

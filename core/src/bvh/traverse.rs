@@ -80,6 +80,50 @@ impl Bvh {
         }
     }
 
+    /// Whether `leaf(first_slot, count)` is true for any of the leaves that the ray meets before `t_max`, in no order: where
+    /// one hit is as good as another, sorting costs more than it spares.
+    #[inline]
+    pub fn any(&self, ray: &RayBoxes, t_max: f32, leaf: impl FnMut(u32, u32) -> bool) -> bool {
+        if self.waiting + 1 < SHALLOW {
+            self.seek::<SHALLOW>(ray, t_max, leaf)
+        } else {
+            self.seek::<DEEP>(ray, t_max, leaf)
+        }
+    }
+
+    #[inline]
+    fn seek<const ROOM: usize>(
+        &self,
+        ray: &RayBoxes,
+        t_max: f32,
+        mut leaf: impl FnMut(u32, u32) -> bool,
+    ) -> bool {
+        let mut stack = [0_u32; ROOM];
+        let mut depth = 0;
+        let mut code = self.root;
+        loop {
+            if code & LEAF != 0 {
+                let (first, count) = range(code);
+                if leaf(first, count) {
+                    return true;
+                }
+            } else {
+                let (mut mask, _) = self.hit_children(code, ray, t_max);
+                let children = &self.nodes[code as usize].child;
+                while mask != 0 {
+                    stack[depth] = children[mask.trailing_zeros() as usize & 7];
+                    depth += 1;
+                    mask &= mask - 1;
+                }
+            }
+            if depth == 0 {
+                return false;
+            }
+            depth -= 1;
+            code = stack[depth];
+        }
+    }
+
     #[inline]
     fn walk<const ROOM: usize>(
         &self,
@@ -87,11 +131,11 @@ impl Bvh {
         t_max: &mut f32,
         mut leaf: impl FnMut(u32, u32, &mut f32) -> bool,
     ) -> bool {
-        let mut stack = [(0.0_f32, 0_u32); ROOM];
+        let mut stack = [0_u64; ROOM];
         let mut depth = 0;
-        let mut next = (0.0, self.root);
+        let mut next = u64::from(self.root);
         loop {
-            let (t, code) = next;
+            let (t, code) = (f32::from_bits((next >> 32) as u32), next as u32);
             let mut nearest = None;
             if t > *t_max {
                 // Something nearer was hit since.
@@ -122,21 +166,21 @@ impl Bvh {
         node: u32,
         ray: &RayBoxes,
         t_max: f32,
-        (stack, depth): (&mut [(f32, u32)], &mut usize),
-    ) -> Option<(f32, u32)> {
+        (stack, depth): (&mut [u64], &mut usize),
+    ) -> Option<u64> {
         let (mut mask, entry) = self.hit_children(node, ray, t_max);
         let children = &self.nodes[node as usize].child;
         let bottom = *depth;
         let mut last = None;
         while mask != 0 {
-            let i = mask.trailing_zeros() as usize;
+            let i = mask.trailing_zeros() as usize & 7;
             mask &= mask - 1;
-            if let Some(child) = last.replace((entry[i], children[i])) {
+            if let Some(child) = last.replace(waiting(entry[i], children[i])) {
                 *depth += insert(stack, bottom, *depth, child);
             }
         }
         let child = last?;
-        if *depth > bottom && stack[*depth - 1].0 < child.0 {
+        if *depth > bottom && stack[*depth - 1] < child {
             // Not the nearest after all.
             *depth += insert(stack, bottom, *depth, child);
             return None;
@@ -159,11 +203,18 @@ impl Bvh {
     }
 }
 
+/// A child as it waits: above its code the bits of the distance where the ray enters it, which is not negative, so that numbers
+/// compare like distances.
+#[inline]
+fn waiting(t: f32, code: u32) -> u64 {
+    u64::from(t.to_bits()) << 32 | u64::from(code)
+}
+
 /// Puts a child on the stack above `bottom`, where the nearest lies on top; 1, by which the stack has grown.
 #[inline]
-fn insert(stack: &mut [(f32, u32)], bottom: usize, depth: usize, child: (f32, u32)) -> usize {
+fn insert(stack: &mut [u64], bottom: usize, depth: usize, child: u64) -> usize {
     let mut at = depth;
-    while at > bottom && stack[at - 1].0 < child.0 {
+    while at > bottom && stack[at - 1] < child {
         stack[at] = stack[at - 1];
         at -= 1;
     }

@@ -102,10 +102,9 @@ impl TriangleBvh {
     }
 
     /// Whether a ray meets anything up to `t_max`.
-    pub fn occluded(&self, cast: &Cast, mut t_max: f32) -> bool {
-        self.bvh.traverse(&cast.boxes, &mut t_max, |first, count, t_max| {
-            self.leaves.test(first, count, &cast.shear, *t_max).0 != 0
-        })
+    pub fn occluded(&self, cast: &Cast, t_max: f32) -> bool {
+        self.bvh
+            .any(&cast.boxes, t_max, |first, count| self.leaves.test(first, count, &cast.shear, t_max).0 != 0)
     }
 }
 
