@@ -84,7 +84,7 @@ impl Errors {
     /// kind have not been hit yet.
     pub(super) fn interval(&self, pixels: f64) -> [f64; 2] {
         let mean = self.relative / pixels;
-        let half = (Z * (2.0 * self.squares).sqrt()).hypot(DOUBT * self.doubt) / pixels;
+        let half = (Z * Z * 2.0 * self.squares + (DOUBT * self.doubt).powi(2)).sqrt() / pixels;
         let skew = (1.0 + 2.0 * Z * Z) / 6.0 * self.cubes / self.squares.max(f64::MIN_POSITIVE) / pixels;
         [(mean - half).max(0.0), mean + half + skew]
     }

@@ -88,8 +88,13 @@ impl Half {
         if worth <= 0.0 {
             return self.most;
         }
-        let ratio = self.worth() / worth;
-        if ratio >= 1.0 { ((ratio.log2() / 2.0) as u32).saturating_add(1).min(self.most) } else { 0 }
+        let mut doublings = 0;
+        let mut left = self.worth();
+        while left >= worth && doublings < self.most {
+            left *= 0.25;
+            doublings += 1;
+        }
+        doublings
     }
 }
 
@@ -108,15 +113,15 @@ fn choose_worth(halves: &[Half], goal: f64) -> f64 {
     };
     let largest = halves.iter().map(Half::worth).fold(0.0, f64::max);
     // Halve the interval of its logarithm: fifty octaves are more than samples can double in.
-    let (mut low, mut high) = (-50.0_f64, 0.0_f64);
-    if !reached(largest * low.exp2()) {
+    let (mut low, mut high) = (largest * 2.0_f64.powi(-50), largest);
+    if !reached(low) {
         return 0.0;
     }
     for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        *(if reached(largest * middle.exp2()) { &mut low } else { &mut high }) = middle;
+        let middle = (low * high).sqrt();
+        *(if reached(middle) { &mut low } else { &mut high }) = middle;
     }
-    largest * low.exp2()
+    low
 }
 
 /// Squared relative error that each replicate of each block is expected to have, judged by the other replicate.
@@ -142,7 +147,7 @@ fn expected_errors(grid: &TileGrid, stats: &[BlockStats], measured: f64) -> Vec<
             sums[1] += predicted[other];
         }
         let factor = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(1e-3, 1e3) } else { 1.0 };
-        expected.iter_mut().for_each(|e| *e *= factor);
+        *expected = expected.map(|e| e * factor);
     }
     expected
 }
