@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import sweep
@@ -72,24 +71,8 @@ def main():
     parser.add_argument("--min-spp", type=int, default=16, metavar="N", help="fewest of adaptive pictures (16)")
     parser.add_argument("--pairs", type=int, default=10, metavar="N", help="pairs of each scene (10)")
     parser.add_argument("--pixels", type=int, default=40000, metavar="N", help="about how many pixels without a reference (40000)")
-    parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
-    parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")
-    parser.add_argument("--bin", default=os.path.join(sweep.ROOT, "target", "release"), metavar="DIR", help="where karst is")
     parser.add_argument("--json", metavar="OUT", help="write all figures here")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (all)")
-    options = parser.parse_args()
-    options.karst = os.path.join(options.bin, "karst")
-    results = {"about": sweep.about(options), "rows": []}
-    print(HEAD, flush=True)
-    with tempfile.TemporaryDirectory() as work:
-        for scene in [*sweep.own_scenes(options), *sweep.others_scenes(options, work)]:
-            row = measure(scene, work, options)
-            results["rows"].append(row)
-            print(line(row), flush=True)
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump(results, file, indent=1)
-            file.write("\n")
+    sweep.each_scene(HEAD, measure, line, sweep.parse(parser))
 
 
 if __name__ == "__main__":

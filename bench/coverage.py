@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import sweep
@@ -24,15 +23,15 @@ HEAD = "| scene | held | true is above | true is below | reported / true | worst
 
 
 def shrink(scene, pixels):
-    """The size of a scene at about so many pixels."""
+    """Gives a scene a size of about so many pixels."""
     width, height = (int(part) for part in scene.size.split("x"))
     scale = min(1.0, (pixels / (width * height)) ** 0.5)
     scene.size = f"{max(8, round(width * scale))}x{max(8, round(height * scale))}"
-    return scene
 
 
 def measure(scene, work, options):
     """The row of a scene."""
+    shrink(scene, options.pixels)
     pictures, reports = [], []
     for seed in range(options.seeds + 1):
         asked = ["--spp", str(options.spp if seed < options.seeds else options.truth)]
@@ -65,32 +64,21 @@ def measure(scene, work, options):
     }
 
 
+def line(row):
+    """A row of the table."""
+    return (f"| {row['scene']} | {100 * row['held']:.0f} % | {100 * row['above']:.0f} % | {100 * row['below']:.0f} % "
+            f"| {row['reported_over_true']:.2f} | {100 * row['worst_pixels']:.0f} % |")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spp", type=int, default=32, metavar="N", help="samples per pixel (32)")
     parser.add_argument("--seeds", type=int, default=64, metavar="N", help="pictures of each scene (64)")
     parser.add_argument("--truth", type=int, default=8192, metavar="N", help="samples per pixel of the truth (8192)")
     parser.add_argument("--pixels", type=int, default=3000, metavar="N", help="about how many pixels (3000)")
-    parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
-    parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")
-    parser.add_argument("--bin", default=os.path.join(sweep.ROOT, "target", "release"), metavar="DIR", help="where karst is")
     parser.add_argument("--json", metavar="OUT", help="write all figures here")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (all)")
-    options = parser.parse_args()
-    options.karst = os.path.join(options.bin, "karst")
-    results = {"about": sweep.about(options), "rows": []}
-    print(HEAD, flush=True)
-    with tempfile.TemporaryDirectory() as work:
-        for scene in [*sweep.own_scenes(options), *sweep.others_scenes(options, work)]:
-            row = measure(shrink(scene, options.pixels), work, options)
-            results["rows"].append(row)
-            print(f"| {row['scene']} | {100 * row['held']:.0f} % | {100 * row['above']:.0f} % | {100 * row['below']:.0f} % "
-                  f"| {row['reported_over_true']:.2f} | {100 * row['worst_pixels']:.0f} % |", flush=True)
-            if options.json:
-                with open(options.json, "w", encoding="utf-8") as file:
-                    json.dump(results, file, indent=1)
-    return 0
+    sweep.each_scene(HEAD, measure, line, sweep.parse(parser))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

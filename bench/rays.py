@@ -129,10 +129,7 @@ def main():
         print(f"{name}: seconds of the build and bytes per triangle {row['build_seconds_and_bytes_per_triangle']}, hits that "
               f"differ {[found['hit_or_not_differs_distance_differs_of'] for found in row['kinds'].values()]}, leaks at edges "
               f"{row.get('leaks_of_rays_at_edges', 'not asked')}", flush=True)
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump(results, file, indent=1)
-            file.write("\n")
+    sweep.keep(results, options.json)
 
 
 if __name__ == "__main__":

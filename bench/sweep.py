@@ -172,8 +172,38 @@ def about(options):
     return {
         "date": datetime.date.today().isoformat(), "commit": commit.stdout.strip() or "unknown",
         "processor": models[0] if models else platform.processor(), "cores": os.cpu_count(), "threads": options.threads,
-        "command": " ".join(["bench/sweep.py", *(f'"{part}"' if " " in part else part for part in sys.argv[1:])]),
+        "command": " ".join([os.path.join("bench", os.path.basename(sys.argv[0])), *(f'"{part}"' if " " in part else part for part in sys.argv[1:])]),
     }
+
+
+def parse(parser):
+    """The options of a program that renders scenes, with those that all of them have."""
+    parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
+    parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")
+    parser.add_argument("--bin", default=os.path.join(ROOT, "target", "release"), metavar="DIR", help="where karst is")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (all)")
+    options = parser.parse_args()
+    options.karst = os.path.join(options.bin, "karst")
+    return options
+
+
+def keep(results, path):
+    """Writes all figures, if they are wanted."""
+    if path:
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump(results, file, indent=1)
+            file.write("\n")
+
+
+def each_scene(head, measure, line, options):
+    """A table with a row for each scene, kept after every one."""
+    results = {"about": about(options), "rows": []}
+    print(head, flush=True)
+    with tempfile.TemporaryDirectory() as work:
+        for scene in [*own_scenes(options), *others_scenes(options, work)]:
+            results["rows"].append(measure(scene, work, options))
+            print(line(results["rows"][-1]), flush=True)
+            keep(results, options.json)
 
 
 def write(results, options):
@@ -197,13 +227,8 @@ def main():
     parser.add_argument("--spp", type=int, nargs="+", default=[4, 16, 64], metavar="N", help="samples per pixel (4 16 64)")
     parser.add_argument("--targets", type=float, nargs="*", default=[0.1], metavar="E", help="error targets (0.1)")
     parser.add_argument("--pixels", type=int, default=40000, metavar="N", help="about how many pixels (40000)")
-    parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
-    parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")
     parser.add_argument("--out", default=os.path.join(ROOT, "bench", "results"), metavar="DIR", help="where results go")
-    parser.add_argument("--bin", default=os.path.join(ROOT, "target", "release"), metavar="DIR", help="where karst is")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (all)")
-    options = parser.parse_args()
-    options.karst = os.path.join(options.bin, "karst")
+    options = parse(parser)
     os.makedirs(options.out, exist_ok=True)
     results = {"about": about(options), "rows": []}
     print(HEAD, flush=True)
