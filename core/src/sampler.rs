@@ -121,7 +121,9 @@ impl Sampler {
     fn seeds(&self, decision: Decision) -> Seeds {
         // The pixel's key plus a counter, mixed by a bijection: two decisions of a pixel never share their seeds.
         let h = mix64(self.key.wrapping_add(u64::from(decision.index()).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
-        Seeds { shuffle: h as u32, x: (h >> 32) as u32, y: (mix64(h) >> 32) as u32 }
+        // One more product takes every bit into the upper half (multiplier by Steele and Vigna 2021).
+        let y = (h ^ h >> 29).wrapping_mul(0xd134_2543_de82_ef95) >> 32;
+        Seeds { shuffle: h as u32, x: (h >> 32) as u32, y: y as u32 }
     }
 }
 

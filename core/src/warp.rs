@@ -1,20 +1,21 @@
 //! Owns maps from the unit square to shapes, each beside its density; nothing else.
 
-use crate::math::sin_cos_turn;
-use glam::{Vec2, Vec3};
+use crate::math::{sin_cos_eighth, sin_cos_turn};
+use glam::{Vec2, Vec2Swizzles as _, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// A point of the unit disk, area-preserving and continuous (Shirley and Chiu 1997).
 #[inline]
 pub fn disk_concentric(u: Vec2) -> Vec2 {
     let o = u * 2.0 - Vec2::ONE;
-    if o == Vec2::ZERO {
+    let is_wide = o.x.abs() > o.y.abs();
+    let (r, along) = if is_wide { (o.x, o.y) } else { (o.y, o.x) };
+    if r == 0.0 {
         return Vec2::ZERO;
     }
-    let (r, turn) =
-        if o.x.abs() > o.y.abs() { (o.x, 0.125 * (o.y / o.x)) } else { (o.y, 0.25 - 0.125 * (o.x / o.y)) };
-    let (sin, cos) = sin_cos_turn(turn);
-    Vec2::new(r * cos, r * sin)
+    let (sin, cos) = sin_cos_eighth(0.125 * (along / r));
+    let p = Vec2::new(r * cos, r * sin);
+    if is_wide { p } else { p.yx() }
 }
 
 /// A direction of the upper hemisphere with density [`hemisphere_cosine_pdf`].

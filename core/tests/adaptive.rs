@@ -100,7 +100,7 @@ fn adaptive_pictures_are_as_bright_as_others() {
     };
     for (name, objects) in HARD {
         let [(adaptive, adaptive_error), (truth, truth_error)] =
-            [(24, r#""target_error": 0.06, "min_spp": 8, "max_spp": 2048"#), (6, r#""spp": 1024"#)].map(
+            [(36, r#""target_error": 0.06, "min_spp": 8, "max_spp": 2048"#), (8, r#""spp": 1024"#)].map(
                 |(pictures, goal)| {
                     let means: Vec<f64> = (0..pictures)
                         .map(|seed| {

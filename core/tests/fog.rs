@@ -203,12 +203,12 @@ fn fog_that_vanishes_is_no_fog() {
                            "sky": {{"type": "environment", "radiance": [0.5, 0.5, 0.5]}}}}"#
         )
     };
-    let clear = channels(&render(&scene(&looking(64, 6, &members(""))), 16, 2));
+    let clear = channels(&render(&scene(&looking(1024, 6, &members(""))), 16, 2));
     for density in ["0", "1e-9"] {
         let fog = format!(
             r#""media": {{"fog": {{"sigma_a": [1, 1, 1], "sigma_s": [1, 2, 3], "density": {density}}}}}, "medium": "fog","#
         );
-        agrees("vanishing", &looking(64, 6, &members(&fog)), clear, 2e-3);
+        agrees("vanishing", &looking(1024, 6, &members(&fog)), clear, 2e-3);
     }
 }
 

@@ -357,7 +357,7 @@ def document():
         },
         "film": {"width": 640, "height": 360, "filter": {"type": "blackman_harris", "radius": 1.5}, "exposure": 0.9, "view": "filmic"},
         "sampling": {"spp": 32, "seed": 1},
-        "integrator": {"max_depth": 5, "roulette_depth": 4},
+        "integrator": {"max_depth": 5},
         "materials": {
             "rock": {"type": "diffuse", "reflectance": image("rock")},
             "sand": {"type": "diffuse", "reflectance": image("sand")},

@@ -28,20 +28,20 @@ pub(super) fn integrator(out: &mut Output<'_>, index: usize) -> Result<(), Conve
         out.differs(&object.place, text);
         object.properties.iter().for_each(|property| property.used.set(true));
     }
-    object.ignore(&["strict_normals", "samples_per_pass", "block_size", "timeout"]);
+    // Where roulette begins to pay depends on its rule, and karst has its own.
+    object.ignore(&["rr_depth", "strict_normals", "samples_per_pass", "block_size", "timeout"]);
     if object.flag("hide_emitters", false)? {
         out.untranslated(&object.place, "hide_emitters: lights are seen directly");
     }
     let depth = surfaces(out, object, "max_depth", -1, MAX_DEPTH)?;
-    let roulette = surfaces(out, object, "rr_depth", 5, MAX_DEPTH)?;
     let depth = if direct { 2 } else { depth };
-    out.head.insert("integrator".to_owned(), json!({"max_depth": depth, "roulette_depth": roulette}));
+    out.head.insert("integrator".to_owned(), json!({"max_depth": depth}));
     Ok(())
 }
 
 /// What a document without an integrator gets.
 pub(super) fn default_integrator(out: &mut Output<'_>) {
-    out.head.insert("integrator".to_owned(), json!({"max_depth": MAX_DEPTH, "roulette_depth": 5}));
+    out.head.insert("integrator".to_owned(), json!({"max_depth": MAX_DEPTH}));
 }
 
 /// A number of surfaces, from 1 to the limit; −1 is no limit.

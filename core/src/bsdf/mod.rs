@@ -110,6 +110,15 @@ impl Bsdf {
         }
     }
 
+    /// Whether `lobe` decides anything in [`Bsdf::sample`].
+    #[inline]
+    pub fn has_lobes(&self) -> bool {
+        match self {
+            Self::Diffuse(_) | Self::Conductor(_) | Self::Mirror(_) => false,
+            Self::Principled(_) | Self::Dielectric(_) | Self::ThinDielectric(_) | Self::Plastic(_) => true,
+        }
+    }
+
     /// Colour of the surface under white light from all sides, 0..1: the albedo layer.
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
         let albedo = match self {

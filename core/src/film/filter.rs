@@ -35,6 +35,8 @@ pub struct PixelFilter {
     radius: f32,
     /// Cumulative weight at the borders of equal cells over [−1, 1]; first 0, last 1.
     cdf: Vec<f32>,
+    /// For even steps of the random number, the cell to look from.
+    guide: Vec<u16>,
 }
 
 impl PixelFilter {
@@ -49,7 +51,10 @@ impl PixelFilter {
             sum += f64::from(kind.weight(2.0 * (i as f32 + 0.5) / cells - 1.0).max(0.0));
             totals.push(sum);
         }
-        Self { radius, cdf: totals.iter().map(|t| (t / sum) as f32).collect() }
+        let cdf: Vec<f32> = totals.iter().map(|t| (t / sum) as f32).collect();
+        let last = |u: f32| cdf.partition_point(|&c| c <= u).clamp(1, Self::CELLS) - 1;
+        let guide = (0..Self::CELLS).map(|step| last(step as f32 / cells) as u16).collect();
+        Self { radius, guide, cdf }
     }
 
     /// An offset from the pixel's centre in pixels, distributed as the filter.
@@ -58,7 +63,10 @@ impl PixelFilter {
     }
 
     fn sample_axis(&self, u: f32) -> f32 {
-        let cell = self.cdf.partition_point(|&c| c <= u).clamp(1, Self::CELLS) - 1;
+        let mut cell = usize::from(self.guide[(u * Self::CELLS as f32) as usize]);
+        while cell + 1 < Self::CELLS && self.cdf[cell + 1] <= u {
+            cell += 1;
+        }
         let (low, high) = (self.cdf[cell], self.cdf[cell + 1]);
         let inside = if high > low { ((u - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
         self.radius * (2.0 * (cell as f32 + inside) / Self::CELLS as f32 - 1.0)

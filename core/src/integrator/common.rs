@@ -56,15 +56,41 @@ pub(super) fn power_heuristic(this: f32, other: f32) -> f32 {
     1.0 / (1.0 + ratio * ratio)
 }
 
-/// How often Russian roulette lets a path go on.
+/// Russian roulette: dim paths end early, the others are raised by as much as they risked. False when the path ends.
 ///
-/// The square root of its throughput lies between spending as much on dim paths as on bright ones and letting the ones
-/// that are left be as bright as at the start: what dim paths add to the variance falls with their throughput squared, what
-/// they cost with its first power. Against the throughput itself that is 1.0 to 1.4 times the efficiency on eleven scenes.
+/// How dim is told beside what the first surface left: its colour is that of the pixel, whose error counts relative to it.
+/// A path goes on for sure while two fifths of that are left, then in proportion. Against the square root of the whole
+/// throughput from the fifth surface on that is 1.25 times the efficiency (geometric mean of seven scenes, 1.0 to 1.5). In
+/// media, whose glow is gathered at every step, the latter is better by 1.05.
 /// Inside glass radiance is denser by η², and the path as bright as it will be outside again.
-pub(super) fn survival(beta: Vec3, eta2: f32) -> f32 {
-    (beta.max_element() * eta2).sqrt().min(0.95)
+pub(super) fn survives(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) -> bool {
+    let left = paths.beta[path].max_element() * paths.eta2[path];
+    if bounce == 0 {
+        paths.first[path] = left.min(1.0);
+    }
+    if bounce + 1 < scene.roulette_depth() {
+        return true;
+    }
+    let survive = if scene.has_media() {
+        if bounce + 1 < MEDIA_DEPTH { 1.0 } else { left.sqrt().min(MOST) }
+    } else {
+        (2.5 * left / paths.first[path]).min(if bounce < SURE { 1.0 } else { MOST })
+    };
+    if survive < 1.0 {
+        if paths.samplers[path].get_1d(Decision::Roulette(bounce)) >= survive {
+            return false;
+        }
+        paths.beta[path] /= survive;
+    }
+    true
 }
+
+/// Light between perfect mirrors has to end: from this surface on no path goes on for sure, but this often at most.
+const SURE: u32 = 16;
+const MOST: f32 = 0.95;
+
+/// In scenes with media paths do not end before this surface.
+const MEDIA_DEPTH: u32 = 5;
 
 /// The ray to a sampled point of a light, a little short of it, from an origin that needs no offset any more.
 pub(super) fn shadow_ray_from(origin: Vec3, sample: &LightSample) -> Ray {

@@ -16,7 +16,7 @@
 
 use super::common::{
     add_emission, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight,
-    shadow_ray_from, survival,
+    shadow_ray_from, survives,
 };
 use super::paths::{Paths, ShadowRay};
 use super::stages::light_up;
@@ -403,12 +403,8 @@ fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, gl
 fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Option<&Glow<'_>>) -> bool {
     let path = place.path as usize;
     let sampler = paths.samplers[path];
-    if bounce + 1 >= scene.roulette_depth() {
-        let survive = survival(paths.beta[path], paths.eta2[path]);
-        if sampler.get_1d(Decision::Roulette(bounce)) >= survive {
-            return false;
-        }
-        paths.beta[path] /= survive;
+    if !survives(scene, bounce, paths, path) {
+        return false;
     }
     let u = sampler.get_2d(Decision::Direction(bounce));
     let phase = place.medium.phase();

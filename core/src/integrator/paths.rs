@@ -52,6 +52,8 @@ pub struct Paths {
     pub(super) pdf: Vec<f32>,
     /// Product of the squared indices of refraction that the path has entered by: radiance there is that much denser.
     pub(super) eta2: Vec<f32>,
+    /// What the first surface, or the first place in a medium, left of the path's throughput, at most 1.
+    pub(super) first: Vec<f32>,
     /// Whether the path has only met mirrors and panes so far.
     pub(super) unseen: Vec<bool>,
     /// Length of the ray before surfaces that it crossed.
@@ -116,6 +118,8 @@ impl Paths {
         self.pdf.resize(n, f32::INFINITY);
         self.eta2.clear();
         self.eta2.resize(n, 1.0);
+        self.first.clear();
+        self.first.resize(n, 1.0);
         self.unseen.clear();
         self.unseen.resize(n, true);
         self.crossed.clear();

@@ -3,7 +3,7 @@
 use super::Wave;
 use super::common::{
     add_emission, behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight,
-    shadow_ray_from, survival,
+    shadow_ray_from, survives,
 };
 use super::media;
 use super::paths::{Paths, ShadowRay};
@@ -246,7 +246,8 @@ fn scatter<const MEDIA: bool>(
     (path, bounce): (usize, u32),
 ) -> bool {
     let sampler = paths.samplers[path];
-    let lobe = sampler.get_1d(Decision::Lobe(bounce));
+    let has_lobes = glow.is_some() || vertex.bsdf.has_lobes();
+    let lobe = if has_lobes { sampler.get_1d(Decision::Lobe(bounce)) } else { 0.0 };
     let u = sampler.get_2d(Decision::Direction(bounce));
     let chosen = match glow {
         Some(glow) => media::surface_direction(vertex, glow, lobe, u),
@@ -254,21 +255,11 @@ fn scatter<const MEDIA: bool>(
     };
     let Some(sample) = chosen else { return false };
     let Some(wi) = vertex.to_world(sample.wi) else { return false };
-    let mut beta = paths.beta[path] * sample.weight;
-    let eta2 = paths.eta2[path] * sample.eta2;
-    // Russian roulette: dim paths end early, the others are raised by as much as they risked.
-    if bounce + 1 >= scene.roulette_depth() {
-        let survive = survival(beta, eta2);
-        if sampler.get_1d(Decision::Roulette(bounce)) >= survive {
-            return false;
-        }
-        beta /= survive;
-    }
-    if beta == Vec3::ZERO {
+    paths.beta[path] *= sample.weight;
+    paths.eta2[path] *= sample.eta2;
+    if !survives(scene, bounce, paths, path) || paths.beta[path] == Vec3::ZERO {
         return false;
     }
-    paths.beta[path] = beta;
-    paths.eta2[path] = eta2;
     paths.pdf[path] = sample.pdf;
     paths.receivers[path] = vertex.receiver();
     paths.rays[path] = Ray::new(vertex.origin_towards(wi), wi);

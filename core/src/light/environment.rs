@@ -51,12 +51,20 @@ impl EnvironmentLight {
     }
 
     pub(super) fn sample(&self, u: Vec2) -> Option<LightSample> {
-        let wi = match &self.map {
-            None => sphere_uniform(u),
-            Some(map) => (map.to_local.transpose() * map.map.sample(u)?).normalize(),
+        let (wi, radiance, pdf) = match &self.map {
+            None => (sphere_uniform(u), self.radiance, sphere_uniform_pdf()),
+            Some(map) => {
+                let (local, uv, pdf) = map.map.sample(u)?;
+                ((map.to_local.transpose() * local).normalize(), self.radiance * map.lookup(uv), pdf)
+            }
         };
-        let (radiance, pdf) = self.seen(wi).filter(|(_, pdf)| *pdf > 0.0)?;
-        Some(LightSample { wi, radiance, pdf, delta: false, target: Target::Infinity })
+        (radiance.max_element() > 0.0 && pdf > 0.0).then_some(LightSample {
+            wi,
+            radiance,
+            pdf,
+            delta: false,
+            target: Target::Infinity,
+        })
     }
 
     /// Radiance along a direction and the density of sampling it; `None` where it is black.
@@ -85,8 +93,10 @@ impl ImageMap {
         let x = uv.x * width as f32 - 0.5;
         let last = (height - 1) as f32;
         let y = if self.rows_at_poles { uv.y * last } else { uv.y * height as f32 - 0.5 }.clamp(0.0, last);
-        let wrap = |column: i64| column.rem_euclid(i64::from(width)) as u32;
-        let (x0, x1) = (wrap(x.floor() as i64), wrap(x.floor() as i64 + 1));
+        // From one before the first to one after the last.
+        let column = x.floor() as i32;
+        let x0 = if column < 0 { width - 1 } else { (column as u32).min(width - 1) };
+        let x1 = if x0 + 1 < width { x0 + 1 } else { 0 };
         let (y0, y1) = (y as u32, (y as u32 + 1).min(height - 1));
         let texel = |x, y| self.image.texel(x, y, self.color_space).max(Vec3::ZERO);
         let row = |y| texel(x0, y).lerp(texel(x1, y), x - x.floor());

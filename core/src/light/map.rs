@@ -1,5 +1,6 @@
 //! Owns choosing directions by the brightness of a map of longitude and latitude.
 
+use crate::math::{sin_cos_turn, turn_of};
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
@@ -27,7 +28,7 @@ pub(super) struct SphereMap {
 
 impl SphereMap {
     /// Most cells along a row and along a column: larger images share cells, so that the grid stays small.
-    const MOST: [u32; 2] = [4096, 2048];
+    const MOST: [u32; 2] = [1024, 512];
 
     /// Where the brightness above the mean is less than this part of all, the map is as good as even, and the mean
     /// stays in.
@@ -95,22 +96,31 @@ impl SphereMap {
         &self.cells[row * columns..(row + 1) * columns]
     }
 
-    /// A direction in the map's frame; `None` when the map is black.
-    pub(super) fn sample(&self, u: Vec2) -> Option<Vec3> {
+    /// A direction in the map's frame, its image coordinates, and its density per solid angle; `None` when the map is
+    /// black.
+    pub(super) fn sample(&self, u: Vec2) -> Option<(Vec3, Vec2, f32)> {
         let (row, down) = find(&self.rows, &self.row_guide, u.y)?;
         let length = self.guides.len() / self.rows.len();
         let (column, across) = find(self.row(row), &self.guides[row * length..(row + 1) * length], u.x)?;
         let cos = self.edges[row] + (self.edges[row + 1] - self.edges[row]) * down;
-        let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
+        let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt() as f32;
         let [left, right] = self.sides(column);
-        let (sin_phi, cos_phi) = libm::sincos(left + (right - left) * across);
-        Some(Vec3::new((sin * sin_phi) as f32, cos as f32, (-sin * cos_phi) as f32))
+        let turn = ((left + (right - left) * across) / TAU) as f32;
+        let (sin_phi, cos_phi) = sin_cos_turn(turn);
+        let latitude = 2.0 * turn_of(sin, cos as f32);
+        let direction = Vec3::new(sin * sin_phi, cos as f32, -sin * cos_phi);
+        Some((direction, Vec2::new(turn, latitude), self.density(column, row)))
     }
 
     /// Density per solid angle of sampling the direction with these image coordinates.
     pub(super) fn pdf(&self, uv: Vec2) -> f32 {
         let texel = |axis: usize| ((uv[axis] * self.size[axis] as f32) as u32).min(self.size[axis] - 1);
         let [column, row] = [0, 1].map(|axis| (texel(axis) / self.step[axis]) as usize);
+        self.density(column, row)
+    }
+
+    /// Density per solid angle within a cell.
+    fn density(&self, column: usize, row: usize) -> f32 {
         let p = f64::from(width(&self.rows, row)) * f64::from(width(self.row(row), column));
         (p / self.solid_angle(column, row)) as f32
     }
@@ -118,9 +128,9 @@ impl SphereMap {
 
 /// Image coordinates of a direction in the map's frame: u to the right from −z over +x, v down from +y, 0 to 1.
 pub(super) fn uv_of_direction(d: Vec3) -> Vec2 {
-    let longitude = libm::atan2f(d.x, -d.z) * (0.5 * std::f32::consts::FRAC_1_PI);
+    let longitude = turn_of(d.x, -d.z);
     // By the arc tangent, which stays exact at the poles.
-    let latitude = libm::atan2f((d.x * d.x + d.z * d.z).sqrt(), d.y) * std::f32::consts::FRAC_1_PI;
+    let latitude = 2.0 * turn_of((d.x * d.x + d.z * d.z).sqrt(), d.y);
     Vec2::new(if longitude < 0.0 { longitude + 1.0 } else { longitude }, latitude)
 }
 

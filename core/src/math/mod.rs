@@ -9,9 +9,9 @@ mod trig;
 
 pub use aabb::Aabb;
 pub use frame::Frame;
-pub use robust::{even_error, gamma, next_away, offset_origin};
+pub use robust::{even_error, gamma, offset_origin};
 pub use transform::Transform;
-pub use trig::{acos, atan2, cos, exp, ln, powf, sin, sin_cos, sin_cos_turn, tan};
+pub use trig::{acos, atan2, cos, exp, ln, powf, sin, sin_cos, sin_cos_eighth, sin_cos_turn, tan, turn_of};
 
 use glam::Vec3;
 

@@ -10,18 +10,6 @@ pub const fn gamma(n: u32) -> f32 {
     ne / (1.0 - ne)
 }
 
-/// The next float of `x` in the direction of the sign of `toward`.
-#[inline]
-pub fn next_away(x: f32, toward: f32) -> f32 {
-    if toward > 0.0 {
-        x.next_up()
-    } else if toward < 0.0 {
-        x.next_down()
-    } else {
-        x
-    }
-}
-
 /// The error that a ray's start must be moved out of, from the bound of its coordinates' errors.
 ///
 /// The ray-triangle test sums over all axes, so a coordinate that happens to be exact (a wall at 0) is as uncertain as
@@ -40,7 +28,9 @@ pub fn even_error(error: Vec3) -> Vec3 {
 #[inline]
 pub fn offset_origin(p: Vec3, error: Vec3, n: Vec3, w: Vec3) -> Vec3 {
     let distance = n.abs().dot(error);
-    let offset = n * if w.dot(n) < 0.0 { -distance } else { distance };
+    let offset = n * distance.copysign(w.dot(n));
     let moved = p + offset;
-    Vec3::new(next_away(moved.x, offset.x), next_away(moved.y, offset.y), next_away(moved.z, offset.z))
+    // Rounding took back half a step at most; where nothing is offset nothing was rounded.
+    let away = (offset * 1e30).clamp(Vec3::NEG_ONE, Vec3::ONE);
+    moved + moved.abs() * f32::EPSILON * away
 }

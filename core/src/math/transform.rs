@@ -81,7 +81,8 @@ impl Transform {
     /// A normal, local to world, normalised, on the same side of the surface.
     #[inline]
     pub fn normal(&self, n: Vec3) -> Vec3 {
-        (self.normal * n.as_dvec3()).normalize_or_zero().as_vec3()
+        let n = n.as_dvec3();
+        (if self.identity { n } else { self.normal * n }).normalize_or_zero().as_vec3()
     }
 
     /// A point, world to local.

@@ -78,7 +78,10 @@ impl ImageTexture {
     fn neighbour(&self, index: i64, size: u32) -> u32 {
         let size = i64::from(size);
         match self.wrap {
-            Wrap::Repeat => index.rem_euclid(size) as u32,
+            // At most one step outside.
+            Wrap::Repeat if index < 0 => (index + size) as u32,
+            Wrap::Repeat if index >= size => (index - size) as u32,
+            Wrap::Repeat => index as u32,
             Wrap::Mirror | Wrap::Clamp => index.clamp(0, size - 1) as u32,
         }
     }

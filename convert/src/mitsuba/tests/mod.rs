@@ -146,10 +146,10 @@ fn films_filters_samplers_and_integrators() {
         "filter": {"type": "gaussian", "radius": 3.0 * 0.4}, "view": "standard"});
     assert_eq!(found.document["film"], film);
     assert_eq!(found.document["sampling"], json!({"spp": 256}));
-    assert_eq!(found.document["integrator"], json!({"max_depth": 9, "roulette_depth": 3}));
+    assert_eq!(found.document["integrator"], json!({"max_depth": 9}));
     assert_eq!(notes(&found).len(), 1, "{:?}", notes(&found));
     assert!(notes(&found)[0].starts_with("1 Differs a Gaussian filter"));
-    assert_eq!(document("")["integrator"], json!({"max_depth": 1024, "roulette_depth": 5}));
+    assert_eq!(document("")["integrator"], json!({"max_depth": 1024}));
     let direct = document("<integrator type='direct'/>");
     assert_eq!(direct["integrator"]["max_depth"], 2);
 }

@@ -130,11 +130,15 @@ fn samples_fall_by_their_density() {
         let v = libm::acos(f64::from(d.y)) / PI;
         (v * f64::from(rows)) as usize * columns as usize + (u * f64::from(columns)) as usize
     };
-    let mut counts = vec![0.0; (columns * rows) as usize];
+    let (mut counts, mut on_edges) = (vec![0.0; (columns * rows) as usize], 0);
     for s in points(0, n).filter_map(|u| all.all()[0].sample(&facing_up(Vec3::ZERO), u)) {
-        assert_eq!(seen(&all, s.wi), (s.radiance, s.pdf));
+        let (radiance, pdf) = seen(&all, s.wi);
+        assert!((radiance - s.radiance).abs().max_element() < 1e-5, "{radiance}, {}", s.radiance);
+        // On the edge of a cell rounding may see the other side.
+        on_edges += usize::from((pdf - s.pdf).abs() > 1e-6 * s.pdf);
         counts[cell(s.wi)] += 1.0;
     }
+    assert!(on_edges < 4, "{on_edges}");
     let mut wants = vec![0.0; counts.len()];
     for (d, angle) in grid(480) {
         wants[cell(d)] += f64::from(seen(&all, d).1) * angle * f64::from(n);

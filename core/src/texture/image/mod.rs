@@ -154,6 +154,7 @@ impl Image {
     ///
     /// # Panics
     /// Where `y` is not below the height, or the texel is not in the image.
+    #[inline]
     pub fn texel(&self, x: u32, y: u32, space: ColorSpace) -> Vec3 {
         let first = self.first(x, y);
         if self.channels < 3 {

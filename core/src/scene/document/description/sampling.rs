@@ -147,12 +147,13 @@ object! {
     pub struct Integrator {
         /// Most surfaces a path meets; 1 shows light that comes straight from emitters.
         max_depth: u32 = or(Self::DEFAULT.max_depth).from(1.0).to(1024.0);
-        /// Surface from which on paths end at random by Russian roulette.
+        /// Surface from which on dim paths may end at random by Russian roulette; in scenes with media not before the fifth.
+        /// It changes noise and time, never what a picture converges to.
         roulette_depth: u32 = or(Self::DEFAULT.roulette_depth).from(1.0).to(1024.0);
     }
 }
 
 impl Integrator {
     /// What a document without `integrator` gets.
-    pub(in crate::scene::document) const DEFAULT: Self = Self { max_depth: 16, roulette_depth: 5 };
+    pub(in crate::scene::document) const DEFAULT: Self = Self { max_depth: 16, roulette_depth: 2 };
 }

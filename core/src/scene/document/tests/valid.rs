@@ -16,7 +16,7 @@ use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
 fn defaults_are_those_of_the_format() {
     let scene = frame(&scene(""));
     assert_eq!(scene.sampling, Sampling { goal: Goal::Fixed { spp: 64 }, seed: 0, time_limit: None });
-    assert_eq!(scene.integrator, Integrator { max_depth: 16, roulette_depth: 5 });
+    assert_eq!(scene.integrator, Integrator { max_depth: 16, roulette_depth: 2 });
     assert_eq!((scene.film.width, scene.film.height, scene.film.crop), (8, 6, None));
     assert_eq!(scene.film.window(), Crop { x: 0, y: 0, width: 8, height: 6 });
     assert_eq!((scene.film.filter, scene.film.view), (Filter::BlackmanHarris { radius: 1.5 }, View::Filmic));
