@@ -5,6 +5,7 @@ mod clock;
 mod commands;
 mod difference;
 mod naming;
+mod profile;
 mod progress;
 mod report;
 mod talk;

@@ -72,12 +72,56 @@ fn a_report_has_what_was_agreed() {
         "objects",
         "peak_rss_bytes",
         "stages",
+        "profile",
+        "rounds",
+        "rmse",
+        "mrays_per_second",
     ] {
         assert!(!report[field].is_null(), "{field} is missing in {report}");
     }
     assert_eq!((&report["width"], &report["height"]), (&48.into(), &40.into()));
     assert_eq!((&report["samples"], &report["threads"]), (&(48 * 40 * 8).into(), &2.into()));
     assert_eq!(report["nonfinite_samples"], 0);
+    let rounds = report["rounds"].as_array().unwrap();
+    assert_eq!(rounds.last().unwrap()["rel_mse"], report["rel_mse"]);
+    assert!(rounds.is_sorted_by_key(|round| round["samples"].as_u64()), "{rounds:?}");
+    let seconds: f64 = report["profile"].as_object().unwrap().values().filter_map(Value::as_f64).sum();
+    let spent = report["render_seconds"].as_f64().unwrap() * 2.0;
+    assert!(seconds > 0.0 && seconds <= spent, "{seconds} s in stages of {spent} s");
+}
+
+#[test]
+fn a_report_is_a_page_too() {
+    let (folder, _) = scene();
+    let at = folder.path();
+    let line =
+        ["render", "ball.json", "-o", "a.png", "--target-error", "0.2", "--min-spp", "8", "--max-spp", "64"];
+    let output = karst(at, &[&line[..], &["--report", "r.html", "--report", "r.json", "--profile"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("time by stage") && stderr(&output).contains("intersect"),
+        "{}",
+        stderr(&output)
+    );
+    let page = String::from_utf8(read(at, "r.html")).unwrap();
+    assert_eq!(page.matches("data:image/png;base64,").count(), 3, "a picture and two maps");
+    assert!(page.contains("<circle") && page.contains("target 20.00 %") && page.contains("shade"), "{page}");
+    assert!(!page.contains("http") && !page.contains("NaN"), "needs nothing else");
+    // One sample has no error, and there is a page all the same; several frames come in a table.
+    done(at, &["render", "ball.json", "-o", "b.png", "--spp", "1", "--report", "one.html"]);
+    assert!(!String::from_utf8(read(at, "one.html")).unwrap().contains("NaN"));
+    done(
+        at,
+        &["render", "ball.json", "-o", "c.png", "--frames", "1-3", "--spp", "2", "--report", "all.html"],
+    );
+    assert_eq!(String::from_utf8(read(at, "all.html")).unwrap().matches("<h2>Frame").count(), 3);
+    let output = karst(at, &["render", "ball.json", "-o", "a.png", "--report", "r.txt"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("--report r.txt: expected a name in .json or .html"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 #[test]

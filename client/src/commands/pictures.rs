@@ -40,6 +40,11 @@ impl<'a> Pictures<'a> {
         Ok(Self { scene, noisy, denoised, statistics })
     }
 
+    /// The denoised picture where there is one.
+    pub(super) fn best(&self) -> &Picture {
+        self.denoised.as_ref().unwrap_or(&self.noisy)
+    }
+
     /// Writes `path`, and for a PNG the denoised picture beside it; returns what was written.
     pub(super) fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         if path.extension().is_some_and(|ending| ending == "exr") {

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, PoisonError};
 
 use karst_client::{Error, OpenScene, open_scene, scene_error};
 use karst_core::encode::object_statistics;
 use karst_core::film::{Film, FrameSummary};
+use karst_core::integrator::StageObserver;
 use karst_core::render::{FrameObserver, Progress, render_frame};
 use karst_core::scene::{Assets, Document, Goal, Limits, Scene};
 use rayon::ThreadPool;
@@ -16,8 +18,9 @@ use crate::clock::Stopwatch;
 use crate::commands::convert::say_notes;
 use crate::commands::pictures::Pictures;
 use crate::naming::of_frame;
+use crate::profile::{Profile, Watch, table};
 use crate::progress::{Bar, Shown, percent};
-use crate::report::Report;
+use crate::report::{Finished, Page, Report, RoundFigures};
 use crate::talk::Talk;
 
 /// Edge of a tile in pixels unless given; a tile is one piece of work for a thread.
@@ -27,10 +30,17 @@ const DEFAULT_TILE_SIZE: u32 = 32;
 type Tell<'a> = &'a (dyn Fn(&Report, &[PathBuf]) + Sync);
 
 pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Error> {
-    check_outputs(&args.output)?;
+    check_names("--output", &args.output, &["exr", "png"])?;
+    check_names("--report", &args.report, &["json", "html"])?;
     let scene = open_scene(&args.scene, &Limits::default())?;
     say_notes(&scene, talk);
-    render_each(args, &scene, &|report, files| tell(talk, report, files)).map(drop)
+    let hear = |report: &Report, files: &[PathBuf]| {
+        tell(talk, report, files);
+        if args.profile {
+            talk.say(&table(&report.profile));
+        }
+    };
+    render_each(args, &scene, &hear).map(drop)
 }
 
 /// Renders and writes what the arguments ask for; `tell` hears of each frame.
@@ -43,27 +53,38 @@ pub(super) fn render_each(
     let document = scene.document(&limits).map_err(|problems| scene_error(&problems))?;
     let frames = chosen_frames(args, &document)?;
     let assets = Assets::load(&document, scene, &limits).map_err(|problems| scene_error(&problems))?;
-    let job = Job { args, tell, document, assets, limits, pool: pool(args.threads)?, bar: Bar::new() };
+    let page = args.report.iter().any(|path| is_page(path)).then(Mutex::default);
+    let job = Job { args, tell, document, assets, limits, pool: pool(args.threads)?, bar: Bar::new(), page };
     let reports = job.render_all(frames)?;
-    if let Some(path) = &args.report {
-        write_report(path, &reports)?;
+    for path in &args.report {
+        match &job.page {
+            Some(page) if is_page(path) => {
+                let title = args.scene.file_stem().unwrap_or(args.scene.as_os_str()).to_string_lossy();
+                let html = page.lock().unwrap_or_else(PoisonError::into_inner).html(&title);
+                std::fs::write(path, html).map_err(|source| Error::file(path, source))?;
+            }
+            _ => write_report(path, &reports)?,
+        }
     }
     Ok(reports)
 }
 
-fn check_outputs(outputs: &[PathBuf]) -> Result<(), Error> {
-    for (index, path) in outputs.iter().enumerate() {
-        if !path.extension().is_some_and(|ending| ending == "exr" || ending == "png") {
-            return Err(Error::Usage(format!(
-                "--output {}: expected a name in .exr or .png",
-                path.display()
-            )));
+/// Refuses names of files whose ending is none of the `endings`, and those that come twice.
+fn check_names(flag: &str, names: &[PathBuf], endings: &[&str]) -> Result<(), Error> {
+    for (index, path) in names.iter().enumerate() {
+        if !path.extension().is_some_and(|ending| endings.iter().any(|known| ending == *known)) {
+            let endings = endings.join(" or .");
+            return Err(Error::Usage(format!("{flag} {}: expected a name in .{endings}", path.display())));
         }
-        if outputs[..index].contains(path) {
-            return Err(Error::Usage(format!("--output {}: found twice", path.display())));
+        if names[..index].contains(path) {
+            return Err(Error::Usage(format!("{flag} {}: found twice", path.display())));
         }
     }
     Ok(())
+}
+
+fn is_page(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "html")
 }
 
 fn chosen_frames(args: &RenderArgs, document: &Document) -> Result<FrameList, Error> {
@@ -102,6 +123,8 @@ struct Job<'a> {
     limits: Limits,
     pool: ThreadPool,
     bar: Bar,
+    /// The report as a page, if one is asked for.
+    page: Option<Mutex<Page>>,
 }
 
 impl Job<'_> {
@@ -114,13 +137,16 @@ impl Job<'_> {
         let wall = Stopwatch::start();
         let scene = self.pool.install(|| self.build(frame))?;
         let built = wall.seconds();
-        let film = self.render(&scene, frame, (finished, total));
+        let profile = Profile::default();
+        let (film, rounds) = self.render(&scene, frame, (finished, total), &profile);
         let rendered = wall.seconds();
         let summary = film.summary();
         let threads = self.pool.current_num_threads();
         let mut report = Report::of(&summary, film.window(), frame, threads);
         report.objects = object_statistics(scene.function_names(), film.objects());
         report.rendered_in(rendered - built);
+        report.profile = profile.to_json();
+        report.rounds = rounds;
         let pictures = Pictures::new(&film, &scene, frame, self.args.work.denoise, threads)?;
         let denoised = wall.seconds();
         let paths = self.args.output.iter().map(|path| of_frame(path, frame, self.args.frames.is_some()));
@@ -136,6 +162,15 @@ impl Job<'_> {
             ("write", report.wall_seconds - denoised),
         ]
         .into();
+        if let Some(page) = &self.page {
+            let target = match scene.sampling().goal {
+                Goal::Error { target, .. } => Some(target),
+                Goal::Fixed { .. } => None,
+            };
+            let (exposure, view) = (scene.exposure(), scene.view());
+            let finished = Finished { report: &report, target, picture: pictures.best(), exposure, view };
+            page.lock().unwrap_or_else(PoisonError::into_inner).add(&finished)?;
+        }
         (self.tell)(&report, &files);
         Ok(report)
     }
@@ -148,14 +183,34 @@ impl Job<'_> {
         Scene::build(&description, &self.assets, frame).map_err(|problems| scene_error(&problems))
     }
 
-    fn render(&self, scene: &Scene, frame: i32, (finished, total): (u32, u32)) -> Film {
+    fn render(
+        &self,
+        scene: &Scene,
+        frame: i32,
+        (finished, total): (u32, u32),
+        profile: &Profile,
+    ) -> (Film, Vec<RoundFigures>) {
         let start = Shown { frame, frames_finished: finished, frames_total: total, ..Shown::default() };
-        let observer = Observer { bar: &self.bar, clock: Stopwatch::start(), scene, start };
+        let observer = Observer {
+            bar: &self.bar,
+            clock: Stopwatch::start(),
+            scene,
+            start,
+            profile,
+            rounds: Mutex::default(),
+        };
         let never = AtomicBool::new(false);
         let tile_size = self.args.work.tile_size.unwrap_or(DEFAULT_TILE_SIZE);
         let film = self.pool.install(|| render_frame(scene, tile_size, &never, &observer));
         self.bar.clear();
-        film.expect("a render ends early only when it is told to stop, and nobody does")
+        let film = film.expect("a render ends early only when it is told to stop, and nobody does");
+        let seconds = observer.clock.seconds();
+        let mut rounds = observer.rounds.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let summary = film.summary();
+        if rounds.last().is_none_or(|last| last.samples < summary.samples) {
+            rounds.push(RoundFigures::of(rounds.len() as u32, seconds, &summary));
+        }
+        (film, rounds)
     }
 }
 
@@ -187,6 +242,8 @@ struct Observer<'a> {
     clock: Stopwatch,
     scene: &'a Scene,
     start: Shown,
+    profile: &'a Profile,
+    rounds: Mutex<Vec<RoundFigures>>,
 }
 
 impl FrameObserver for Observer<'_> {
@@ -206,7 +263,14 @@ impl FrameObserver for Observer<'_> {
         });
     }
 
-    fn another_round(&self, _summary: &FrameSummary) -> bool {
+    fn stages(&self) -> Box<dyn StageObserver + '_> {
+        Box::<Watch<'_>>::new(self.profile.watch())
+    }
+
+    fn another_round(&self, summary: &FrameSummary) -> bool {
+        let mut rounds = self.rounds.lock().unwrap_or_else(PoisonError::into_inner);
+        let round = rounds.len() as u32;
+        rounds.push(RoundFigures::of(round, self.clock.seconds(), summary));
         self.scene.sampling().time_limit.is_none_or(|limit| self.clock.seconds() < limit)
     }
 }

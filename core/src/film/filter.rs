@@ -54,7 +54,7 @@ impl PixelFilter {
         let cdf: Vec<f32> = totals.iter().map(|t| (t / sum) as f32).collect();
         let last = |u: f32| cdf.partition_point(|&c| c <= u).clamp(1, Self::CELLS) - 1;
         let guide = (0..Self::CELLS).map(|step| last(step as f32 / cells) as u16).collect();
-        Self { radius, guide, cdf }
+        Self { radius, cdf, guide }
     }
 
     /// An offset from the pixel's centre in pixels, distributed as the filter.

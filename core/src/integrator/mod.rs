@@ -7,10 +7,12 @@
 mod common;
 mod media;
 mod paths;
+mod stage;
 mod stages;
 mod vertex;
 
 pub use paths::{Feature, Paths};
+pub use stage::{Stage, StageObserver, Unobserved};
 
 use crate::film::Counters;
 use crate::sampler::Replicate;
@@ -34,16 +36,25 @@ pub struct Wave<'a> {
 /// found by scattering are weighed by the power heuristic (Veach 1997, section 9.2). A path's `beta` is the product of
 /// all its weights so far, the light that it then finds still missing.
 ///
-/// What marching cost adds up in `paths` until [`Paths::take_tally`].
-pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut Counters) {
+/// What marching cost adds up in `paths` until [`Paths::take_tally`]. `observer` is told which stage begins.
+pub fn trace(
+    scene: &Scene,
+    wave: &Wave<'_>,
+    paths: &mut Paths,
+    counters: &mut Counters,
+    observer: &mut dyn StageObserver,
+) {
+    observer.begin(Stage::Camera);
     stages::camera(scene, wave, paths);
     counters.samples += paths.len() as u64;
     if scene.has_media() {
-        trace_through(scene, paths, counters);
+        trace_through(scene, paths, counters, observer);
         return;
     }
     for bounce in 0..scene.max_depth() {
+        observer.begin(Stage::Intersect);
         stages::intersect(scene, bounce, paths, counters);
+        observer.begin(Stage::Emit);
         stages::emit(scene, bounce, paths);
         if bounce + 1 == scene.max_depth() {
             stages::observe(scene, paths);
@@ -52,23 +63,36 @@ pub fn trace(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths, counters: &mut C
         if paths.active.is_empty() {
             break;
         }
+        observer.begin(Stage::Shade);
         stages::shade(scene, bounce, paths);
+        observer.begin(Stage::Shadow);
         stages::shadow(scene, paths, counters);
     }
 }
 
 /// The rest of [`trace`] in a scene with media.
-fn trace_through(scene: &Scene, paths: &mut Paths, counters: &mut Counters) {
+fn trace_through(
+    scene: &Scene,
+    paths: &mut Paths,
+    counters: &mut Counters,
+    observer: &mut dyn StageObserver,
+) {
     paths.enter(scene.camera_interiors());
     for bounce in 0..scene.max_depth() {
+        observer.begin(Stage::Intersect);
         stages::nearest(scene, bounce, paths, counters);
+        observer.begin(Stage::Media);
         media::advance(scene, bounce, paths);
         if bounce + 1 == scene.max_depth() || (paths.active.is_empty() && paths.places.is_empty()) {
+            observer.begin(Stage::Shadow);
             media::shadow(scene, paths, counters);
             break;
         }
+        observer.begin(Stage::Shade);
         stages::scatter_all::<true>(scene, bounce, paths);
+        observer.begin(Stage::Media);
         media::scatter(scene, bounce, paths);
+        observer.begin(Stage::Shadow);
         media::shadow(scene, paths, counters);
         if paths.active.is_empty() {
             break;

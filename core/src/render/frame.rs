@@ -1,7 +1,8 @@
 //! Owns rendering a whole frame on this machine.
 
-use super::{next_round, render_tile};
+use super::{next_round, render_tile_observed};
 use crate::film::{Film, FrameSummary, Round, TileGrid};
+use crate::integrator::{StageObserver, Unobserved};
 use crate::scene::Scene;
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -24,6 +25,11 @@ pub struct Progress {
 pub trait FrameObserver: Sync {
     /// A tile has been finished.
     fn tile_done(&self, _progress: &Progress) {}
+
+    /// Who is told, within a tile that begins, which part of the work does.
+    fn stages(&self) -> Box<dyn StageObserver + '_> {
+        Box::new(Unobserved)
+    }
 
     /// A round has been finished and another is due; false ends the frame here (a time limit).
     fn another_round(&self, _summary: &FrameSummary) -> bool {
@@ -80,7 +86,8 @@ fn render_round(
     // Tiles merge as they come: within a round they touch different pixels, so the order changes nothing.
     let all_done =
         (0..grid.tile_count()).into_par_iter().filter(|&t| !round.tile_is_empty(grid, t)).all(|tile| {
-            let Some(result) = render_tile(scene, grid, tile, round, stop) else { return false };
+            let rendered = render_tile_observed(scene, grid, tile, round, stop, &mut *observer.stages());
+            let Some(result) = rendered else { return false };
             let merged = film.lock().unwrap_or_else(PoisonError::into_inner).merge(&result);
             debug_assert!(merged.is_ok(), "a round that was planned from the film fits it");
             let samples_done =

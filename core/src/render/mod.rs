@@ -7,4 +7,4 @@ mod tile;
 
 pub use frame::{FrameObserver, Progress, render_frame};
 pub use rounds::next_round;
-pub use tile::render_tile;
+pub use tile::{render_tile, render_tile_observed};

@@ -2,7 +2,7 @@
 
 use super::accumulate::{Accumulator, SAMPLE_BLOCK};
 use crate::film::{BlockResult, Counters, Round, SampleRange, TileGrid, TileResult};
-use crate::integrator::{Paths, Wave, trace};
+use crate::integrator::{Paths, Stage, StageObserver, Unobserved, Wave, trace};
 use crate::math::powf;
 use crate::sampler::Replicate;
 use crate::scene::Scene;
@@ -20,6 +20,18 @@ pub fn render_tile(
     round: &Round,
     stop: &AtomicBool,
 ) -> Option<TileResult> {
+    render_tile_observed(scene, grid, tile, round, stop, &mut Unobserved)
+}
+
+/// [`render_tile`], while `observer` is told which part of the work begins.
+pub fn render_tile_observed(
+    scene: &Scene,
+    grid: &TileGrid,
+    tile: u32,
+    round: &Round,
+    stop: &AtomicBool,
+    observer: &mut dyn StageObserver,
+) -> Option<TileResult> {
     let mut counters = Counters::default();
     let mut paths = Paths::default();
     let mut blocks = Vec::new();
@@ -32,7 +44,7 @@ pub fn render_tile(
             return None;
         }
         let pixels: Vec<[u32; 2]> = grid.block_region(block).pixels().collect();
-        let (mut sums, work) = render_block(scene, &pixels, range, &mut paths, &mut counters);
+        let (mut sums, work) = render_block(scene, &pixels, range, (&mut paths, &mut counters), observer);
         let spread = sums.spread(grid.block_region(block).width() as usize, powf(2.0, scene.exposure()));
         let (pixels, evaluations) = (sums.pixels(), sums.evaluations());
         blocks.push(BlockResult { block, range: range.clone(), spread, work, pixels, evaluations });
@@ -49,15 +61,16 @@ fn render_block(
     scene: &Scene,
     pixels: &[[u32; 2]],
     range: &SampleRange,
-    paths: &mut Paths,
-    counters: &mut Counters,
+    (paths, counters): (&mut Paths, &mut Counters),
+    observer: &mut dyn StageObserver,
 ) -> (Accumulator, [u32; 2]) {
     let mut sums = Accumulator::new(pixels.len());
     let mut work = [0_u32; 2];
     for (replicate, samples) in [(Replicate::A, &range.a), (Replicate::B, &range.b)] {
         for samples in sample_blocks(samples) {
             let before = counters.rays + counters.shadow_rays;
-            trace(scene, &Wave { pixels, replicate, samples }, paths, counters);
+            trace(scene, &Wave { pixels, replicate, samples }, paths, counters, observer);
+            observer.begin(Stage::Accumulate);
             sums.add(paths, replicate, counters);
             let evaluations: u64 = paths.evaluations.iter().copied().map(u64::from).sum();
             let rays = counters.rays + counters.shadow_rays - before + evaluations / EVALUATIONS_OF_A_RAY;

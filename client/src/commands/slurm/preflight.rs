@@ -84,7 +84,8 @@ fn trial(args: &PreflightArgs, frame: i32, (width, height): (u32, u32), folder: 
         frame: Some(frame),
         frames: None,
         threads: args.threads,
-        report: None,
+        report: Vec::new(),
+        profile: false,
         settings: SettingsArgs {
             spp: Some(1),
             seed: args.shot.settings.seed,

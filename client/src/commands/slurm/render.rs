@@ -34,7 +34,8 @@ pub(super) fn run(args: &TaskArgs, talk: Talk) -> Result<(), Error> {
         frame: Some(frame),
         frames: None,
         threads: args.threads,
-        report: args.report.clone(),
+        report: args.report.iter().cloned().collect(),
+        profile: false,
         settings: args.shot.settings.clone(),
         work: args.shot.work.clone(),
     };

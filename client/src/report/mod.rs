@@ -1,10 +1,15 @@
-//! `--report`: figures of a local render as JSON.
+//! `--report`: figures of a local render, as JSON and as a page.
+
+mod chart;
+mod page;
 
 use std::collections::BTreeMap;
 
 use karst_core::film::{FrameSummary, Region};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Map, Value};
+
+pub(crate) use page::{Finished, Page};
 
 /// One rendered frame. Seconds are of the wall clock.
 #[derive(Clone, Debug, Serialize)]
@@ -20,13 +25,17 @@ pub(crate) struct Report {
     pub(crate) height: u32,
     pub(crate) samples: u64,
     pub(crate) spp_mean: f64,
+    pub(crate) spp_min: u32,
+    pub(crate) spp_max: u32,
     /// Along paths and to lights.
     pub(crate) rays: u64,
     pub(crate) shadow_rays: u64,
     pub(crate) msamples_per_second: f64,
+    pub(crate) mrays_per_second: f64,
     /// Unknown with one sample per pixel.
     pub(crate) rel_mse: Option<f64>,
     pub(crate) rel_mse_ci95: Option<[f64; 2]>,
+    pub(crate) rmse: Option<f64>,
     pub(crate) nonfinite_samples: u64,
     pub(crate) exhausted_rays: u64,
     pub(crate) sdf_evaluations: u64,
@@ -36,6 +45,29 @@ pub(crate) struct Report {
     pub(crate) peak_rss_bytes: u64,
     /// Seconds of each part of the work.
     pub(crate) stages: BTreeMap<&'static str, f64>,
+    /// Seconds of each stage of rendering, all threads together.
+    pub(crate) profile: Map<String, Value>,
+    /// How the error fell.
+    pub(crate) rounds: Vec<RoundFigures>,
+}
+
+/// The frame after a round.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct RoundFigures {
+    pub(crate) round: u32,
+    /// Of rendering so far.
+    pub(crate) seconds: f64,
+    pub(crate) samples: u64,
+    pub(crate) spp_mean: f64,
+    /// Unknown with one sample per pixel.
+    pub(crate) rel_mse: Option<f64>,
+}
+
+impl RoundFigures {
+    pub(crate) fn of(round: u32, seconds: f64, summary: &FrameSummary) -> Self {
+        let FrameSummary { samples, spp_mean, rel_mse, .. } = *summary;
+        Self { round, seconds, samples, spp_mean, rel_mse }
+    }
 }
 
 impl Report {
@@ -51,17 +83,23 @@ impl Report {
             height: window.height(),
             samples: summary.samples,
             spp_mean: summary.spp_mean,
+            spp_min: summary.spp_min,
+            spp_max: summary.spp_max,
             rays: counters.rays + counters.shadow_rays,
             shadow_rays: counters.shadow_rays,
             msamples_per_second: 0.0,
+            mrays_per_second: 0.0,
             rel_mse: summary.rel_mse,
             rel_mse_ci95: summary.rel_mse_ci95,
+            rmse: summary.rmse,
             nonfinite_samples: counters.nan_samples + counters.infinite_samples,
             exhausted_rays: counters.exhausted_rays,
             sdf_evaluations: counters.sdf_evaluations,
             objects: Value::Null,
             peak_rss_bytes: peak_rss_bytes(),
             stages: BTreeMap::new(),
+            profile: Map::new(),
+            rounds: Vec::new(),
         }
     }
 
@@ -69,6 +107,7 @@ impl Report {
     pub(crate) fn rendered_in(&mut self, seconds: f64) {
         self.render_seconds = seconds;
         self.msamples_per_second = self.samples as f64 * 1e-6 / seconds.max(1e-9);
+        self.mrays_per_second = self.rays as f64 * 1e-6 / seconds.max(1e-9);
     }
 }
 
