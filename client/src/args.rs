@@ -190,8 +190,8 @@ pub(crate) struct RenderArgs {
     /// Threads that render; as many as the machine has unless given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Write figures of the run: times, samples, rays, error, memory; as R.json, or as a page with pictures, maps and the
-    /// error over time as R.html; give it twice for both.
+    /// Write figures of the run: times, samples, rays, error (with --denoise of the denoised picture too), memory; as
+    /// R.json, or as a page with pictures, maps and the error over time as R.html; give it twice for both.
     #[arg(long, value_name = "R")]
     pub(crate) report: Vec<PathBuf>,
     /// Print how long each stage of rendering took.

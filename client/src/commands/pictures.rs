@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use karst_client::Error;
 use karst_core::encode::{exr, object_statistics, png, statistics};
-use karst_core::film::{Film, Picture};
+use karst_core::film::{CrossError, Film, Picture, cross_error};
+use karst_core::math::powf;
 use karst_core::scene::Scene;
 use karst_denoise::{Denoiser, Input, Mode};
 use serde_json::Value;
@@ -17,27 +18,42 @@ pub(super) struct Pictures<'a> {
     scene: &'a Scene,
     noisy: Picture,
     denoised: Option<Picture>,
+    error: Option<CrossError>,
     statistics: Value,
 }
 
 impl<'a> Pictures<'a> {
-    /// Resolves the film, and denoises it if asked for.
+    /// Resolves the film, and denoises it if asked for; where that is `judged`, its replicates too.
     pub(super) fn new(
         film: &Film,
         scene: &'a Scene,
         frame: i32,
-        denoise: DenoiseArg,
+        (denoise, judged): (DenoiseArg, bool),
         threads: usize,
     ) -> Result<Self, Error> {
         let noisy = film.picture();
-        let denoised = match denoise {
+        let mode = match denoise {
             DenoiseArg::Off => None,
-            DenoiseArg::Color => Some(denoise_picture(&noisy, Mode::Color, threads)?),
-            DenoiseArg::Full => Some(denoise_picture(&noisy, Mode::Full, threads)?),
+            DenoiseArg::Color => Some(Mode::Color),
+            DenoiseArg::Full => Some(Mode::Full),
         };
+        let smooth = |color: &[_]| mode.map(|mode| denoised_colors(color, &noisy, mode, threads)).transpose();
+        let denoised = smooth(&noisy.color)?.map(|color| Picture { color, ..noisy.clone() });
+        let mut error = None;
+        if let Some([a, b]) = film.replicates().filter(|_| judged)
+            && let (Some(da), Some(db)) = (smooth(&a)?, smooth(&b)?)
+        {
+            error =
+                cross_error([&a, &b], [&da, &db], noisy.window.width() as usize, powf(2.0, scene.exposure()));
+        }
         let objects = object_statistics(scene.function_names(), film.objects());
         let statistics = statistics(frame, scene.sampling().seed, &film.summary(), &objects);
-        Ok(Self { scene, noisy, denoised, statistics })
+        Ok(Self { scene, noisy, denoised, error, statistics })
+    }
+
+    /// The error of the denoised picture, where it was judged.
+    pub(super) fn denoised_error(&self) -> Option<CrossError> {
+        self.error
     }
 
     /// The denoised picture where there is one.
@@ -68,12 +84,17 @@ impl<'a> Pictures<'a> {
     }
 }
 
-/// The same picture with denoised colours.
-fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Picture, Error> {
-    let (color, albedo, normal) = (plane(&noisy.color), plane(&noisy.albedo), plane(&noisy.normal));
+/// Colours of a picture, denoised by its other layers.
+fn denoised_colors<T: Copy + Into<[f32; 3]> + From<[f32; 3]>>(
+    color: &[T],
+    layers: &Picture,
+    mode: Mode,
+    threads: usize,
+) -> Result<Vec<T>, Error> {
+    let (color, albedo, normal) = (plane(color), plane(&layers.albedo), plane(&layers.normal));
     let input = Input {
-        width: noisy.window.width(),
-        height: noisy.window.height(),
+        width: layers.window.width(),
+        height: layers.window.height(),
         color: &color,
         albedo: &albedo,
         normal: &normal,
@@ -81,7 +102,7 @@ fn denoise_picture(noisy: &Picture, mode: Mode, threads: usize) -> Result<Pictur
     let smooth = Denoiser::find()
         .and_then(|denoiser| denoiser.with_threads(threads as u32).denoise(&input, mode))
         .map_err(|error| Error::Failed(error.to_string()))?;
-    Ok(Picture { color: smooth.into_iter().map(Into::into).collect(), ..noisy.clone() })
+    Ok(smooth.into_iter().map(T::from).collect())
 }
 
 fn plane<T: Copy + Into<[f32; 3]>>(values: &[T]) -> Vec<[f32; 3]> {

@@ -147,7 +147,12 @@ impl Job<'_> {
         report.rendered_in(rendered - built);
         report.profile = profile.to_json();
         report.rounds = rounds;
-        let pictures = Pictures::new(&film, &scene, frame, self.args.work.denoise, threads)?;
+        let denoise = (self.args.work.denoise, !self.args.report.is_empty());
+        let pictures = Pictures::new(&film, &scene, frame, denoise, threads)?;
+        if let Some(error) = pictures.denoised_error() {
+            report.denoised_rel_mse = Some(error.rel_mse.max(0.0));
+            report.denoised_rel_mse_ci95 = Some(error.ci95.map(|end| end.max(0.0)));
+        }
         let denoised = wall.seconds();
         let paths = self.args.output.iter().map(|path| of_frame(path, frame, self.args.frames.is_some()));
         let mut files = Vec::new();
@@ -217,8 +222,11 @@ impl Job<'_> {
 /// Says how a frame went and which files it became.
 pub(super) fn tell(talk: Talk, report: &Report, files: &[PathBuf]) {
     let error = report.rel_mse.map_or_else(|| "unknown".to_owned(), |error| percent(error.sqrt()));
+    let denoised = report
+        .denoised_rel_mse
+        .map_or_else(String::new, |error| format!(", denoised about {}", percent(error.sqrt())));
     talk.say(&format_args!(
-        "frame {}: {:.1} samples per pixel, error {error}, {:.2} s, {:.2} million samples/s",
+        "frame {}: {:.1} samples per pixel, error {error}{denoised}, {:.2} s, {:.2} million samples/s",
         report.frame, report.spp_mean, report.render_seconds, report.msamples_per_second
     ));
     for (count, what) in [

@@ -36,6 +36,9 @@ pub(crate) struct Report {
     pub(crate) rel_mse: Option<f64>,
     pub(crate) rel_mse_ci95: Option<[f64; 2]>,
     pub(crate) rmse: Option<f64>,
+    /// Of the denoised picture, from its denoised replicates; missing without one.
+    pub(crate) denoised_rel_mse: Option<f64>,
+    pub(crate) denoised_rel_mse_ci95: Option<[f64; 2]>,
     pub(crate) nonfinite_samples: u64,
     pub(crate) exhausted_rays: u64,
     pub(crate) sdf_evaluations: u64,
@@ -92,6 +95,8 @@ impl Report {
             rel_mse: summary.rel_mse,
             rel_mse_ci95: summary.rel_mse_ci95,
             rmse: summary.rmse,
+            denoised_rel_mse: None,
+            denoised_rel_mse_ci95: None,
             nonfinite_samples: counters.nan_samples + counters.infinite_samples,
             exhausted_rays: counters.exhausted_rays,
             sdf_evaluations: counters.sdf_evaluations,

@@ -218,6 +218,7 @@ fn section(html: &mut String, plate: &Plate, is_one_of_many: bool) {
 fn figures(report: &Report) -> String {
     let rows = [
         ("error (root of relMSE)", error_of(report)),
+        ("error of the denoised picture", in_interval(report.denoised_rel_mse, report.denoised_rel_mse_ci95)),
         (
             "root of mean squared error",
             report.rmse.map_or_else(|| "unknown".to_owned(), |rmse| format!("{rmse:.3e}")),
@@ -253,8 +254,13 @@ fn stages(report: &Report) -> String {
 }
 
 fn error_of(report: &Report) -> String {
-    let Some(error) = report.rel_mse else { return "unknown".to_owned() };
-    let interval = report.rel_mse_ci95.map_or_else(String::new, |[low, high]| {
+    in_interval(report.rel_mse, report.rel_mse_ci95)
+}
+
+/// The root of an error with its interval.
+fn in_interval(rel_mse: Option<f64>, ci95: Option<[f64; 2]>) -> String {
+    let Some(error) = rel_mse else { return "unknown".to_owned() };
+    let interval = ci95.map_or_else(String::new, |[low, high]| {
         format!(" ({} to {})", percent(low.max(0.0).sqrt()), percent(high.sqrt()))
     });
     format!("{}{interval}", percent(error.sqrt()))

@@ -1,6 +1,7 @@
 //! Owns the picture in the making: its geometry (regions, blocks, tiles), the plan of a round, the result of a tile,
 //! and the film that results are merged into.
 
+mod cross;
 mod error;
 mod filter;
 mod grid;
@@ -9,6 +10,7 @@ mod result;
 mod round;
 mod store;
 
+pub use cross::{CrossError, cross_error};
 pub(crate) use error::{Seen, levels};
 pub use filter::{FilterKind, PixelFilter};
 pub use grid::{BLOCK, FrameSize, Region, TileGrid};

@@ -224,6 +224,26 @@ impl Film {
         self.region(self.window())
     }
 
+    /// What each replicate by itself makes of the window, linear Rec.709, row by row; `None` while a pixel has samples in one
+    /// of them only.
+    pub fn replicates(&self) -> Option<[Vec<Vec3>; 2]> {
+        let window = self.window();
+        let mut planes = [vec![Vec3::ZERO; window.area()], vec![Vec3::ZERO; window.area()]];
+        for (index, block) in self.blocks.iter().enumerate() {
+            if block.samples.contains(&0) {
+                return None;
+            }
+            let places = self.grid.block_region(index as u32).pixels();
+            for ([x, y], pixel) in places.zip(&self.pixels[index]) {
+                let to = (y - window.y0) as usize * window.width() as usize + (x - window.x0) as usize;
+                for (plane, half) in planes.iter_mut().zip(replicates(pixel, block.samples)) {
+                    plane[to] = half;
+                }
+            }
+        }
+        Some(planes)
+    }
+
     /// A part of the window, resolved; clipped to it.
     pub fn region(&self, region: Region) -> Picture {
         let window = region.intersection(&self.window());
