@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use karst_client::{Client, DEFAULT_SERVER, Error};
 use karst_core::film::Region;
-use karst_core::scene::Overrides;
+use karst_core::scene::{ErrorOf, Overrides};
 use karst_proto::connect::{Bearer, bearer};
 use karst_proto::v1::PreviewLayer;
 
@@ -139,6 +139,7 @@ impl SettingsArgs {
         Overrides {
             spp: self.spp,
             target_error: self.target_error,
+            error_of: None,
             min_spp: self.min_spp,
             max_spp: self.max_spp,
             time_limit: self.time_limit,
@@ -172,6 +173,24 @@ pub(crate) enum DenoiseArg {
     Full,
 }
 
+/// Which picture a target error is meant for.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ErrorOfArg {
+    /// The picture as it is rendered.
+    Noisy,
+    /// The denoised picture, judged by its denoised replicates after each round.
+    Denoised,
+}
+
+impl From<ErrorOfArg> for ErrorOf {
+    fn from(of: ErrorOfArg) -> Self {
+        match of {
+            ErrorOfArg::Noisy => Self::Noisy,
+            ErrorOfArg::Denoised => Self::Denoised,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
     /// Scene: a karst document, or what `karst convert` reads.
@@ -197,6 +216,9 @@ pub(crate) struct RenderArgs {
     /// Print how long each stage of rendering took.
     #[arg(long)]
     pub(crate) profile: bool,
+    /// Which picture has to reach the target error, instead of what the scene says; `denoised` needs --denoise.
+    #[arg(long, value_name = "WHICH")]
+    pub(crate) error_of: Option<ErrorOfArg>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     #[command(flatten)]

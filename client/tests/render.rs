@@ -164,6 +164,28 @@ fn flags_change_the_scene() {
 }
 
 #[test]
+fn a_denoised_picture_that_has_to_be_good_is_denoised() {
+    let (folder, _) = scene();
+    let at = folder.path();
+    let line = ["render", "ball.json", "-o", "a.exr", "--target-error", "0.1", "--error-of", "denoised"];
+    let output = karst(at, &line);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("nothing is denoised: add --denoise full"), "{}", stderr(&output));
+    let output =
+        karst(at, &[&line[..], &["--min-spp", "8", "--denoise", "full", "--report", "r.json"]].concat());
+    if karst_denoise::Denoiser::find().is_err() {
+        assert_eq!(output.status.code(), Some(1), "without a denoiser it says so: {}", stderr(&output));
+        return;
+    }
+    assert!(output.status.success(), "{}", stderr(&output));
+    let report: Value = serde_json::from_slice(&read(at, "r.json")).unwrap();
+    let error = report["denoised_rel_mse"].as_f64().unwrap().sqrt();
+    let noisy = report["rel_mse"].as_f64().unwrap().sqrt();
+    assert!(error <= 0.1 && error < noisy, "{error} {noisy}");
+    assert!(report["denoised_rel_mse_ci95"].is_array());
+}
+
+#[test]
 fn a_wrong_scene_says_where() {
     let (folder, path) = scene();
     let at = folder.path();

@@ -2,6 +2,10 @@
 
 mod support;
 
+use karst_core::film::Film;
+use karst_core::render::{FrameObserver, render_frame};
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 use support::{mean_of, pooled_mean, render, scene};
 
 /// One small lamp over a floor: most of the frame is easy, a rim is not.
@@ -17,6 +21,44 @@ fn text(sampling: &str) -> String {
                      "ball": {{"center": [-1, 0.6, 0], "radius": 0.6, "material": "gray"}},
                      "ground": {{"center": [0, -1000, 0], "radius": 1000, "material": "gray"}}}}}}"#
     )
+}
+
+/// Judges a denoiser that leaves a part of the squared error.
+struct Judge {
+    left: Option<f64>,
+    found: Mutex<Vec<f64>>,
+}
+
+impl FrameObserver for Judge {
+    fn denoised_error(&self, film: &Film) -> Option<f64> {
+        let error = film.summary().rel_mse? * self.left?;
+        self.found.lock().expect("nobody panics with it").push(error);
+        Some(error)
+    }
+}
+
+#[test]
+fn a_frame_goes_on_until_its_denoised_picture_is_good() {
+    let target: f64 = 0.008;
+    let sampling = |of: &str| {
+        scene(&text(&format!(
+            r#"{{"target_error": {target}, "error_of": "{of}", "min_spp": 8, "max_spp": 512, "seed": 2}}"#
+        )))
+    };
+    let samples = |of: &str, left: Option<f64>| {
+        let judge = Judge { left, found: Mutex::default() };
+        let film = render_frame(&sampling(of), 32, &AtomicBool::new(false), &judge).unwrap();
+        (film.summary(), judge.found.into_inner().unwrap())
+    };
+    let (noisy, asked) = samples("noisy", Some(0.1));
+    assert!(asked.is_empty(), "the noisy picture has to be good, and nobody asks for another");
+    let (tenth, asked) = samples("denoised", Some(0.1));
+    let (last, before) = asked.split_last().unwrap();
+    assert!(*last <= target * target && before.iter().all(|error| *error > target * target), "{asked:?}");
+    assert!(tenth.samples < noisy.samples / 2, "{} {}", tenth.samples, noisy.samples);
+    // Where nobody can tell, it goes on to the end.
+    let (unknown, _) = samples("denoised", None);
+    assert_eq!((unknown.spp_min, unknown.spp_max), (512, 512));
 }
 
 #[test]

@@ -66,7 +66,7 @@ fn by_bytes(scene: &Scene, tile_size: u32) -> Result<Film, ResultError> {
     let grid = TileGrid::new(scene.window(), tile_size);
     let mut film = Film::new(scene.size(), scene.window(), scene.exposure());
     let mut done = 0;
-    while let Some(round) = next_round(scene.sampling(), &grid, &film, done) {
+    while let Some(round) = next_round(scene.sampling(), &grid, &film, done, &|_| None) {
         let round = Round::from_bytes(&round.to_bytes())?;
         let tiles = (0..grid.tile_count()).filter(|&t| !round.tile_is_empty(&grid, t));
         let results: Vec<Vec<u8>> = tiles
@@ -98,7 +98,7 @@ fn damaged_bytes_are_refused() {
     let scene = scene(&text(FIXED, ""));
     let grid = TileGrid::new(scene.window(), 32);
     let film = Film::new(scene.size(), scene.window(), 0.0);
-    let round = next_round(scene.sampling(), &grid, &film, 0).unwrap();
+    let round = next_round(scene.sampling(), &grid, &film, 0, &|_| None).unwrap();
     let result = render_tile(&scene, &grid, 1, &round, &AtomicBool::new(false)).unwrap();
     let bytes = result.to_bytes();
     assert_eq!(TileResult::from_bytes(&bytes, &grid, &round).as_ref(), Ok(&result));

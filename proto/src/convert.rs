@@ -148,6 +148,8 @@ pub fn settings_from_wire(settings: &v1::RenderSettings) -> Result<Overrides, Ve
     found.or(Overrides {
         spp: settings.spp,
         target_error: settings.target_error,
+        // Servers judge the noisy picture only.
+        error_of: None,
         min_spp: settings.min_spp,
         max_spp: settings.max_spp,
         time_limit: settings.time_limit_seconds,

@@ -47,6 +47,7 @@ fn settings_survive_the_round_trip() {
     let adaptive = Overrides {
         spp: None,
         target_error: Some(0.05),
+        error_of: None,
         min_spp: Some(8),
         max_spp: Some(512),
         time_limit: Some(1.5),

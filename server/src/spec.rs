@@ -94,6 +94,7 @@ impl Settings {
         Overrides {
             spp: self.spp,
             target_error: self.target_error,
+            error_of: None,
             min_spp: self.min_spp,
             max_spp: self.max_spp,
             time_limit: self.time_limit,

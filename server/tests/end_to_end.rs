@@ -233,6 +233,17 @@ async fn downloads_go_on_where_they_stopped() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn only_noisy_pictures_have_to_be_good_on_a_server() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = TestServer::start(dir.path(), 1).await;
+    let mut client = server.client().await;
+    let spec = client.spec(&scene_text(SIZE, r#"{"target_error": 0.1, "error_of": "denoised"}"#, "")).await;
+    let refused = client.submit(&request_id("judged"), &spec).await.unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument, "{refused:?}");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn denoising_is_refused_early_or_done() {
     let dir = tempfile::tempdir().unwrap();
     let server = TestServer::start(dir.path(), 2).await;

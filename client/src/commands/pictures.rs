@@ -18,42 +18,25 @@ pub(super) struct Pictures<'a> {
     scene: &'a Scene,
     noisy: Picture,
     denoised: Option<Picture>,
-    error: Option<CrossError>,
     statistics: Value,
 }
 
 impl<'a> Pictures<'a> {
-    /// Resolves the film, and denoises it if asked for; where that is `judged`, its replicates too.
+    /// Resolves the film, and denoises it if asked for.
     pub(super) fn new(
         film: &Film,
         scene: &'a Scene,
         frame: i32,
-        (denoise, judged): (DenoiseArg, bool),
+        denoise: DenoiseArg,
         threads: usize,
     ) -> Result<Self, Error> {
         let noisy = film.picture();
-        let mode = match denoise {
-            DenoiseArg::Off => None,
-            DenoiseArg::Color => Some(Mode::Color),
-            DenoiseArg::Full => Some(Mode::Full),
-        };
-        let smooth = |color: &[_]| mode.map(|mode| denoised_colors(color, &noisy, mode, threads)).transpose();
-        let denoised = smooth(&noisy.color)?.map(|color| Picture { color, ..noisy.clone() });
-        let mut error = None;
-        if let Some([a, b]) = film.replicates().filter(|_| judged)
-            && let (Some(da), Some(db)) = (smooth(&a)?, smooth(&b)?)
-        {
-            error =
-                cross_error([&a, &b], [&da, &db], noisy.window.width() as usize, powf(2.0, scene.exposure()));
-        }
+        let smooth = |mode| denoised_colors(&noisy.color, &noisy, mode, threads);
+        let denoised =
+            mode_of(denoise).map(smooth).transpose()?.map(|color| Picture { color, ..noisy.clone() });
         let objects = object_statistics(scene.function_names(), film.objects());
         let statistics = statistics(frame, scene.sampling().seed, &film.summary(), &objects);
-        Ok(Self { scene, noisy, denoised, error, statistics })
-    }
-
-    /// The error of the denoised picture, where it was judged.
-    pub(super) fn denoised_error(&self) -> Option<CrossError> {
-        self.error
+        Ok(Self { scene, noisy, denoised, statistics })
     }
 
     /// The denoised picture where there is one.
@@ -81,6 +64,29 @@ impl<'a> Pictures<'a> {
         let bytes = png(&picture.color, width, height, self.scene.exposure(), self.scene.view())
             .map_err(|error| encode_error(path, &error))?;
         write(path, &bytes)
+    }
+}
+
+/// The error that the film has when it is denoised; `None` without a denoiser, and while a replicate has no samples.
+pub(super) fn denoised_error(
+    film: &Film,
+    scene: &Scene,
+    denoise: DenoiseArg,
+    threads: usize,
+) -> Result<Option<CrossError>, Error> {
+    let (Some(mode), Some([a, b])) = (mode_of(denoise), film.replicates()) else { return Ok(None) };
+    let layers = film.picture();
+    let [da, db] =
+        [denoised_colors(&a, &layers, mode, threads)?, denoised_colors(&b, &layers, mode, threads)?];
+    let width = layers.window.width() as usize;
+    Ok(cross_error([&a, &b], [&da, &db], width, powf(2.0, scene.exposure())))
+}
+
+fn mode_of(denoise: DenoiseArg) -> Option<Mode> {
+    match denoise {
+        DenoiseArg::Off => None,
+        DenoiseArg::Color => Some(Mode::Color),
+        DenoiseArg::Full => Some(Mode::Full),
     }
 }
 

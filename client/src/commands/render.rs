@@ -9,14 +9,14 @@ use karst_core::encode::object_statistics;
 use karst_core::film::{Film, FrameSummary};
 use karst_core::integrator::StageObserver;
 use karst_core::render::{FrameObserver, Progress, render_frame};
-use karst_core::scene::{Assets, Document, Goal, Limits, Scene};
+use karst_core::scene::{Assets, Document, ErrorOf, Goal, Limits, Overrides, Scene};
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 
-use crate::args::{FrameList, RenderArgs};
+use crate::args::{DenoiseArg, FrameList, RenderArgs};
 use crate::clock::Stopwatch;
 use crate::commands::convert::say_notes;
-use crate::commands::pictures::Pictures;
+use crate::commands::pictures::{Pictures, denoised_error};
 use crate::naming::of_frame;
 use crate::profile::{Profile, Watch, table};
 use crate::progress::{Bar, Shown, percent};
@@ -138,7 +138,7 @@ impl Job<'_> {
         let scene = self.pool.install(|| self.build(frame))?;
         let built = wall.seconds();
         let profile = Profile::default();
-        let (film, rounds) = self.render(&scene, frame, (finished, total), &profile);
+        let (film, rounds) = self.render(&scene, frame, (finished, total), &profile)?;
         let rendered = wall.seconds();
         let summary = film.summary();
         let threads = self.pool.current_num_threads();
@@ -147,13 +147,15 @@ impl Job<'_> {
         report.rendered_in(rendered - built);
         report.profile = profile.to_json();
         report.rounds = rounds;
-        let denoise = (self.args.work.denoise, !self.args.report.is_empty());
-        let pictures = Pictures::new(&film, &scene, frame, denoise, threads)?;
-        if let Some(error) = pictures.denoised_error() {
+        let pictures = Pictures::new(&film, &scene, frame, self.args.work.denoise, threads)?;
+        let denoised = wall.seconds();
+        if !self.args.report.is_empty()
+            && let Some(error) = denoised_error(&film, &scene, self.args.work.denoise, threads)?
+        {
             report.denoised_rel_mse = Some(error.rel_mse.max(0.0));
             report.denoised_rel_mse_ci95 = Some(error.ci95.map(|end| end.max(0.0)));
         }
-        let denoised = wall.seconds();
+        let judged = wall.seconds();
         let paths = self.args.output.iter().map(|path| of_frame(path, frame, self.args.frames.is_some()));
         let mut files = Vec::new();
         for path in paths {
@@ -164,13 +166,15 @@ impl Job<'_> {
             ("build", built),
             ("render", rendered - built),
             ("denoise", denoised - rendered),
-            ("write", report.wall_seconds - denoised),
+            ("judge", judged - denoised),
+            ("write", report.wall_seconds - judged),
         ]
         .into();
         if let Some(page) = &self.page {
             let target = match scene.sampling().goal {
-                Goal::Error { target, .. } => Some(target),
-                Goal::Fixed { .. } => None,
+                Goal::Error { target, of: ErrorOf::Noisy, .. } => Some(target),
+                // The curve is that of the noisy picture.
+                Goal::Error { .. } | Goal::Fixed { .. } => None,
             };
             let (exposure, view) = (scene.exposure(), scene.view());
             let finished = Finished { report: &report, target, picture: pictures.best(), exposure, view };
@@ -182,9 +186,14 @@ impl Job<'_> {
 
     fn build(&self, frame: i32) -> Result<Scene, Error> {
         let mut description = self.document.at(frame).map_err(|problems| scene_error(&problems))?;
-        description
-            .apply(&self.args.settings.overrides(), &self.limits)
-            .map_err(|problems| scene_error(&problems))?;
+        let overrides =
+            Overrides { error_of: self.args.error_of.map(Into::into), ..self.args.settings.overrides() };
+        description.apply(&overrides, &self.limits).map_err(|problems| scene_error(&problems))?;
+        let is_denoised = matches!(description.sampling.goal, Goal::Error { of: ErrorOf::Denoised, .. });
+        if is_denoised && self.args.work.denoise == DenoiseArg::Off {
+            let text = "the denoised picture has to reach the target error (error_of), but nothing is denoised: add --denoise full";
+            return Err(Error::Usage(text.to_owned()));
+        }
         Scene::build(&description, &self.assets, frame).map_err(|problems| scene_error(&problems))
     }
 
@@ -194,7 +203,7 @@ impl Job<'_> {
         frame: i32,
         (finished, total): (u32, u32),
         profile: &Profile,
-    ) -> (Film, Vec<RoundFigures>) {
+    ) -> Result<(Film, Vec<RoundFigures>), Error> {
         let start = Shown { frame, frames_finished: finished, frames_total: total, ..Shown::default() };
         let observer = Observer {
             bar: &self.bar,
@@ -203,11 +212,16 @@ impl Job<'_> {
             start,
             profile,
             rounds: Mutex::default(),
+            denoise: self.args.work.denoise,
+            failed: Mutex::default(),
         };
         let never = AtomicBool::new(false);
         let tile_size = self.args.work.tile_size.unwrap_or(DEFAULT_TILE_SIZE);
         let film = self.pool.install(|| render_frame(scene, tile_size, &never, &observer));
         self.bar.clear();
+        if let Some(error) = observer.failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            return Err(error);
+        }
         let film = film.expect("a render ends early only when it is told to stop, and nobody does");
         let seconds = observer.clock.seconds();
         let mut rounds = observer.rounds.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -215,7 +229,7 @@ impl Job<'_> {
         if rounds.last().is_none_or(|last| last.samples < summary.samples) {
             rounds.push(RoundFigures::of(rounds.len() as u32, seconds, &summary));
         }
-        (film, rounds)
+        Ok((film, rounds))
     }
 }
 
@@ -252,6 +266,9 @@ struct Observer<'a> {
     start: Shown,
     profile: &'a Profile,
     rounds: Mutex<Vec<RoundFigures>>,
+    denoise: DenoiseArg,
+    /// Why the denoised picture could not be judged.
+    failed: Mutex<Option<Error>>,
 }
 
 impl FrameObserver for Observer<'_> {
@@ -273,6 +290,18 @@ impl FrameObserver for Observer<'_> {
 
     fn stages(&self) -> Box<dyn StageObserver + '_> {
         Box::<Watch<'_>>::new(self.profile.watch())
+    }
+
+    fn denoised_error(&self, film: &Film) -> Option<f64> {
+        let threads = rayon::current_num_threads();
+        match denoised_error(film, self.scene, self.denoise, threads) {
+            Ok(found) => found.map(|error| error.rel_mse.max(0.0)),
+            Err(error) => {
+                *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                // Ends the frame: what it cannot be judged by is not waited for.
+                Some(0.0)
+            }
+        }
     }
 
     fn another_round(&self, summary: &FrameSummary) -> bool {

@@ -31,6 +31,11 @@ pub trait FrameObserver: Sync {
         Box::new(Unobserved)
     }
 
+    /// The relMSE of the denoised picture, for frames that go on until it is small; `None` where it is unknown.
+    fn denoised_error(&self, _film: &Film) -> Option<f64> {
+        None
+    }
+
     /// A round has been finished and another is due; false ends the frame here (a time limit).
     fn another_round(&self, _summary: &FrameSummary) -> bool {
         true
@@ -48,7 +53,8 @@ pub fn render_frame(
     let mut film = Film::new(scene.size(), scene.window(), scene.exposure());
     let mut done = 0;
     let mut samples = 0;
-    while let Some(round) = next_round(scene.sampling(), &grid, &film, done) {
+    let denoised = |film: &Film| observer.denoised_error(film);
+    while let Some(round) = next_round(scene.sampling(), &grid, &film, done, &denoised) {
         let summary = film.summary();
         if done > 0 && !observer.another_round(&summary) {
             break;

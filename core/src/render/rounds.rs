@@ -6,17 +6,39 @@
 //! samples stops more often when they happened to be dark, and the picture would be too dark.
 
 use crate::film::{BlockStats, Film, Round, SampleRange, TileGrid};
-use crate::scene::{Goal, Sampling};
+use crate::scene::{ErrorOf, Goal, Sampling};
 
 /// The round after `done` finished ones; `None` when the frame is finished.
-pub fn next_round(sampling: &Sampling, grid: &TileGrid, film: &Film, done: u32) -> Option<Round> {
+///
+/// `denoised` tells the relMSE of the denoised picture where that is what has to reach a target, `None` where it is unknown.
+pub fn next_round(
+    sampling: &Sampling,
+    grid: &TileGrid,
+    film: &Film,
+    done: u32,
+    denoised: &dyn Fn(&Film) -> Option<f64>,
+) -> Option<Round> {
     match sampling.goal {
         Goal::Fixed { spp } => uniform(grid, done, spp),
-        Goal::Error { target, min_spp, max_spp } => {
-            uniform(grid, done, min_spp.min(max_spp)).or_else(|| adaptive(grid, film, done, target, max_spp))
+        Goal::Error { target, min_spp, max_spp, of } => {
+            uniform(grid, done, min_spp.min(max_spp)).or_else(|| {
+                let noisy = film.summary().rel_mse?;
+                let judged = match of {
+                    ErrorOf::Noisy => noisy,
+                    // As long as nobody can tell, the target is not reached.
+                    ErrorOf::Denoised => denoised(film).unwrap_or(f64::INFINITY),
+                };
+                // The noise that would do if the judged picture's error fell as noise does; it falls less, so there are more
+                // rounds to come, each of one doubling at most.
+                let share = (target * target / judged.max(f64::MIN_POSITIVE)).max(LEAST_SHARE);
+                (share < 1.0).then(|| adaptive(grid, film, done, (noisy, noisy * share), max_spp))?
+            })
         }
     }
 }
+
+/// A round plans for no less of the error than this.
+const LEAST_SHARE: f64 = 1e-6;
 
 /// Total samples per pixel at the end of a round.
 fn total_after(round: u32) -> u32 {
@@ -38,12 +60,13 @@ fn uniform(grid: &TileGrid, done: u32, spp: u32) -> Option<Round> {
 }
 
 /// Twice the samples where they bring most.
-fn adaptive(grid: &TileGrid, film: &Film, done: u32, target: f64, max_spp: u32) -> Option<Round> {
-    let goal = target * target;
-    let measured = film.summary().rel_mse?;
-    if measured <= goal {
-        return None;
-    }
+fn adaptive(
+    grid: &TileGrid,
+    film: &Film,
+    done: u32,
+    (measured, goal): (f64, f64),
+    max_spp: u32,
+) -> Option<Round> {
     let stats = film.block_stats();
     let expected = expected_errors(grid, &stats, measured);
     let halves: Vec<Half> = stats

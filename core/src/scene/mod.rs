@@ -19,10 +19,10 @@ pub use assets::{AssetSource, Assets, Folder};
 pub use batch::Marching;
 pub use compiled::{Scene, Strategy};
 pub use document::{
-    AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, Film, Filter,
-    FrameRange, Goal, Instance, Integrator, Light, Limits, LookAt, Material, Medium, MeshFile, Model, Named,
-    NumberTexture, Overrides, Problem, Problems, Relief, Sampling, Scale, SdfNode, SdfObject, SdfSettings,
-    Shade, Sphere, Texture, json_schema, reference_page,
+    AssetKind, AssetRef, Bounds, Camera, ColorTexture, Components, Crop, Description, Document, ErrorOf,
+    Film, Filter, FrameRange, Goal, Instance, Integrator, Light, Limits, LookAt, Material, Medium, MeshFile,
+    Model, Named, NumberTexture, Overrides, Problem, Problems, Relief, Sampling, Scale, SdfNode, SdfObject,
+    SdfSettings, Shade, Sphere, Texture, json_schema, reference_page,
 };
 pub use media::{Interiors, Stretch};
 pub use object::{Hit, PreparedMesh, Surface};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use karst_core::film::{Film, Round, TileGrid, TileResult};
 use karst_core::render::next_round;
-use karst_core::scene::{AssetSource, Assets, Description, Document, Limits, Problems, Scene};
+use karst_core::scene::{AssetSource, Assets, Description, Document, ErrorOf, Goal, Limits, Problems, Scene};
 use karst_proto::convert::problems_to_violations;
 use karst_proto::errors::Violation;
 use tokio::runtime::Handle;
@@ -156,6 +156,11 @@ fn description(
 ) -> Result<Description, Error> {
     let mut description = document.at(frame).map_err(|p| scene_error(&p))?;
     description.apply(&spec.settings.overrides(), limits).map_err(|p| settings_error(&p))?;
+    if let Goal::Error { of: ErrorOf::Denoised, .. } = description.sampling.goal {
+        let text = "found error_of \"denoised\" in the scene's sampling; a server judges the noisy picture only: leave it out, \
+                    or render without a server (karst render)";
+        return Err(Error::Fields(vec![Violation::new("job.scene".to_owned(), text)]));
+    }
     Ok(description)
 }
 
@@ -223,7 +228,7 @@ fn restore(place: (i64, Arc<str>, i32), scene: Arc<Scene>, tile_size: u32, survi
         Some((film, digest)) => (film, Some(digest)),
         None => (Film::new(scene.size(), scene.window(), scene.exposure()), None),
     };
-    let round = next_round(scene.sampling(), &grid, &film, survived.rounds);
+    let round = next_round(scene.sampling(), &grid, &film, survived.rounds, &|_| None);
     let mut merged = Merged {
         film,
         rounds: vec![survived.rounds; grid.tile_count() as usize],

@@ -102,7 +102,7 @@ impl Farm {
                     round: merged.round,
                     version: merged.version,
                     summary: merged.film.summary(),
-                    next: next_round(frame.scene.sampling(), &frame.grid, &merged.film, done),
+                    next: next_round(frame.scene.sampling(), &frame.grid, &merged.film, done, &|_| None),
                     film: merged.film.to_bytes().into(),
                 }
             };

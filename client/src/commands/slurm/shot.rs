@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use karst_client::{Blob, Error, SceneFiles, open_scene, scene_error};
-use karst_core::scene::{Description, FrameRange, Goal, Limits};
+use karst_core::scene::{Description, ErrorOf, FrameRange, Goal, Limits};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -154,8 +154,8 @@ fn settings(description: &Description, denoise: DenoiseArg) -> Value {
     let (sampling, film) = (&description.sampling, &description.film);
     let goal = match sampling.goal {
         Goal::Fixed { spp } => json!({"spp": spp}),
-        Goal::Error { target, min_spp, max_spp } => {
-            json!({"target_error": target, "min_spp": min_spp, "max_spp": max_spp})
+        Goal::Error { target, min_spp, max_spp, of } => {
+            json!({"target_error": target, "min_spp": min_spp, "max_spp": max_spp, "of": of == ErrorOf::Denoised})
         }
     };
     let window = film.window();

@@ -32,9 +32,9 @@ use std::sync::Arc;
 
 pub use asset::{AssetKind, AssetRef};
 pub use description::{
-    Bounds, Camera, ColorTexture, Components, Crop, Description, Film, Filter, Goal, Instance, Integrator,
-    Light, LookAt, Material, Medium, MeshFile, Model, NumberTexture, Relief, Sampling, Scale, SdfNode,
-    SdfObject, SdfSettings, Shade, Sphere, Texture,
+    Bounds, Camera, ColorTexture, Components, Crop, Description, ErrorOf, Film, Filter, Goal, Instance,
+    Integrator, Light, LookAt, Material, Medium, MeshFile, Model, NumberTexture, Relief, Sampling, Scale,
+    SdfNode, SdfObject, SdfSettings, Shade, Sphere, Texture,
 };
 pub use limits::Limits;
 pub use named::Named;

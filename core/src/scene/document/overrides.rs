@@ -3,7 +3,7 @@
 use crate::film::Region;
 use crate::scene::document::cursor::{Context, Cursor};
 use crate::scene::document::decode::Decode;
-use crate::scene::document::description::{Description, Film, Goal, Sampling};
+use crate::scene::document::description::{Description, ErrorOf, Film, Goal, Sampling};
 use crate::scene::document::limits::Limits;
 use crate::scene::document::problem::Problems;
 use crate::scene::document::rule::Allowed;
@@ -17,6 +17,8 @@ pub struct Overrides {
     pub spp: Option<u32>,
     /// Relative error at which a frame is finished; replaces a number of samples per pixel.
     pub target_error: Option<f64>,
+    /// Which picture has to reach a target error.
+    pub error_of: Option<ErrorOf>,
     /// Samples per pixel before the first decision of a target error.
     pub min_spp: Option<u32>,
     /// Samples per pixel at which a target error is given up.
@@ -75,23 +77,29 @@ fn film(film: &Film, overrides: &Overrides) -> Node {
 
 /// The sampling as a document would say it.
 fn sampling(sampling: &Sampling, overrides: &Overrides) -> Node {
-    let (mut spp, mut target, mut min_spp, mut max_spp) = (None, None, None, None);
+    let (mut spp, mut target, mut min_spp, mut max_spp, mut error_of) = (None, None, None, None, None);
     match sampling.goal {
         _ if overrides.spp.is_some() || overrides.target_error.is_some() => {}
         Goal::Fixed { spp: fixed } => spp = Some(fixed),
         Goal::Error { target: error, .. } => target = Some(error),
     }
-    if let (Goal::Error { min_spp: min, max_spp: max, .. }, None) = (sampling.goal, overrides.spp) {
-        (min_spp, max_spp) = (Some(min), Some(max));
+    if let (Goal::Error { min_spp: min, max_spp: max, of, .. }, None) = (sampling.goal, overrides.spp) {
+        (min_spp, max_spp, error_of) = (Some(min), Some(max), Some(of));
     }
     object([
         ("spp", integer(overrides.spp.or(spp))),
         ("target_error", number(overrides.target_error.or(target))),
+        ("error_of", overrides.error_of.or(error_of).map(word)),
         ("min_spp", integer(overrides.min_spp.or(min_spp))),
         ("max_spp", integer(overrides.max_spp.or(max_spp))),
         ("seed", integer(Some(overrides.seed.unwrap_or(sampling.seed)))),
         ("time_limit", number(overrides.time_limit.or(sampling.time_limit))),
     ])
+}
+
+/// The word that a document has for it.
+fn word(of: ErrorOf) -> Node {
+    Node::made(Value::Text(of.show().as_str().unwrap_or_default().to_owned()))
 }
 
 fn integer(value: Option<u32>) -> Option<Node> {

@@ -13,7 +13,7 @@ mod view;
 pub use light::Light;
 pub use material::{Material, Model, Relief};
 pub use medium::Medium;
-pub use sampling::{Goal, Integrator, Sampling};
+pub use sampling::{ErrorOf, Goal, Integrator, Sampling};
 pub use sdf::{Bounds, SdfNode, SdfObject, SdfSettings};
 pub use surface::{Instance, MeshFile, Sphere};
 pub use texture::{ColorTexture, NumberTexture, Shade, Texture};

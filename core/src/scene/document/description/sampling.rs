@@ -4,7 +4,7 @@ use serde_json::Value as Json;
 
 use crate::scene::document::cursor::Cursor;
 use crate::scene::document::decode::Decode;
-use crate::scene::document::macros::object;
+use crate::scene::document::macros::{object, words};
 use crate::scene::document::rule::{Allowed, optional, or};
 use crate::scene::document::schema::Definitions;
 
@@ -35,7 +35,29 @@ pub enum Goal {
         min_spp: u32,
         /// Samples per pixel at which to give up; at least `min_spp`.
         max_spp: u32,
+        /// Which picture has to reach it.
+        of: ErrorOf,
     },
+}
+
+/// Which picture a target error is meant for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ErrorOf {
+    /// The picture as it is rendered.
+    #[default]
+    Noisy,
+    /// The denoised picture, judged by its denoised replicates after each round.
+    Denoised,
+}
+
+words! {
+    "error_of";
+    ErrorOf {
+        /// The picture as it is rendered.
+        "noisy" => Noisy,
+        /// The denoised picture; only where frames are rendered without a server, and denoised.
+        "denoised" => Denoised,
+    }
 }
 
 object! {
@@ -47,6 +69,8 @@ object! {
         spp: Option<u32> = optional().from(1.0).to(MAX_SPP);
         /// Square root of the relative mean squared error at which a frame is finished.
         target_error: Option<f64> = optional().above(0.0).to(1.0e6);
+        /// Which picture has to reach it: `noisy` unless said.
+        error_of: Option<ErrorOf> = optional();
         /// Samples per pixel before the first decision; only with `target_error`, where it is 32 by default.
         min_spp: Option<u32> = optional().from(1.0).to(MAX_SPP);
         /// Samples per pixel at which to give up; only with `target_error`, where it is 1024 by default.
@@ -72,8 +96,12 @@ impl Sampling {
 
 fn is_one_goal(fields: &SamplingFields, at: &Cursor<'_>) -> bool {
     if fields.target_error.is_none() {
-        let stray = [("min_spp", fields.min_spp), ("max_spp", fields.max_spp)];
-        let mut stray = stray.iter().filter(|(_, value)| value.is_some()).peekable();
+        let stray = [
+            ("min_spp", fields.min_spp.is_some()),
+            ("max_spp", fields.max_spp.is_some()),
+            ("error_of", fields.error_of.is_some()),
+        ];
+        let mut stray = stray.iter().filter(|(_, is_given)| *is_given).peekable();
         let ok = stray.peek().is_none();
         for (name, _) in stray {
             let hint = "give \"target_error\" too, or \"spp\" instead".to_owned();
@@ -101,7 +129,7 @@ impl SamplingFields {
     fn goal(&self) -> Goal {
         let (min_spp, max_spp) = self.error_range();
         match self.target_error {
-            Some(target) => Goal::Error { target, min_spp, max_spp },
+            Some(target) => Goal::Error { target, min_spp, max_spp, of: self.error_of.unwrap_or_default() },
             None => Goal::Fixed { spp: self.spp.unwrap_or(DEFAULT_SPP) },
         }
     }
@@ -127,10 +155,13 @@ impl Decode for Sampling {
             Goal::Fixed { spp } => {
                 fields.insert("spp".to_owned(), spp.show());
             }
-            Goal::Error { target, min_spp, max_spp } => {
+            Goal::Error { target, min_spp, max_spp, of } => {
                 fields.insert("target_error".to_owned(), target.show());
                 fields.insert("min_spp".to_owned(), min_spp.show());
                 fields.insert("max_spp".to_owned(), max_spp.show());
+                if of != ErrorOf::default() {
+                    fields.insert("error_of".to_owned(), of.show());
+                }
             }
         }
         fields.insert("seed".to_owned(), self.seed.show());

@@ -2,7 +2,7 @@
 
 use super::{frame, scene};
 use crate::film::Region;
-use crate::scene::document::{Crop, Description, Goal, Limits, Overrides, Sampling};
+use crate::scene::document::{Crop, Description, ErrorOf, Goal, Limits, Overrides, Sampling};
 
 fn with(rest: &str, overrides: &Overrides) -> Result<Description, String> {
     let mut description = frame(&scene(rest));
@@ -26,10 +26,24 @@ fn they_change_what_they_name() {
     assert_eq!(with(error, &none).unwrap(), frame(&scene(error)));
     assert_eq!(goal(error, &Overrides { spp: Some(4), ..none.clone() }), Goal::Fixed { spp: 4 });
     let target = Overrides { target_error: Some(0.2), ..none.clone() };
-    assert_eq!(goal(fixed, &target), Goal::Error { target: 0.2, min_spp: 32, max_spp: 1024 });
-    assert_eq!(goal(error, &target), Goal::Error { target: 0.2, min_spp: 8, max_spp: 99 });
+    assert_eq!(
+        goal(fixed, &target),
+        Goal::Error { target: 0.2, min_spp: 32, max_spp: 1024, of: ErrorOf::Noisy }
+    );
+    assert_eq!(
+        goal(error, &target),
+        Goal::Error { target: 0.2, min_spp: 8, max_spp: 99, of: ErrorOf::Noisy }
+    );
+    let denoised = Overrides { error_of: Some(ErrorOf::Denoised), ..target.clone() };
+    let of = |goal| matches!(goal, Goal::Error { of: ErrorOf::Denoised, .. });
+    assert!(of(goal(fixed, &denoised)) && of(goal(error, &denoised)) && !of(goal(error, &target)));
+    let said = r#""sampling":{"target_error":0.1,"error_of":"denoised"}"#;
+    assert!(of(goal(said, &none)) && of(goal(said, &target)));
+    assert_eq!(goal(said, &Overrides { spp: Some(4), ..none.clone() }), Goal::Fixed { spp: 4 });
+    let stray = with(fixed, &Overrides { error_of: Some(ErrorOf::Denoised), ..none.clone() }).unwrap_err();
+    assert!(stray.contains("sampling.error_of: has a meaning only with \"target_error\""), "{stray}");
     let least = Overrides { min_spp: Some(2), ..none.clone() };
-    assert_eq!(goal(error, &least), Goal::Error { target: 0.1, min_spp: 2, max_spp: 99 });
+    assert_eq!(goal(error, &least), Goal::Error { target: 0.1, min_spp: 2, max_spp: 99, of: ErrorOf::Noisy });
     let more = Overrides { seed: Some(7), time_limit: Some(1.5), ..none.clone() };
     let expected = Sampling { goal: Goal::Fixed { spp: 16 }, seed: 7, time_limit: Some(1.5) };
     assert_eq!(with(fixed, &more).unwrap().sampling, expected);

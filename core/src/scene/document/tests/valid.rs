@@ -7,7 +7,7 @@ use crate::color::View;
 use crate::light::SpotFalloff;
 use crate::scene::document::decode::Decode;
 use crate::scene::document::{
-    Camera, ColorTexture, Crop, Document, Filter, Goal, Integrator, Light, Limits, Medium, Model,
+    Camera, ColorTexture, Crop, Document, ErrorOf, Filter, Goal, Integrator, Light, Limits, Medium, Model,
     NumberTexture, Sampling, SdfNode, SdfSettings, Texture,
 };
 use crate::texture::{Channel, ColorSpace, TextureFilter, Wrap};
@@ -41,7 +41,7 @@ fn every_kind_of_thing_is_read() {
                                                "b":{"type":"mandelbulb"}}}}},
         "lights":{"sky":{"type":"environment","radiance":[1,1,1]}}"#,
     ));
-    let goal = Goal::Error { target: 0.1, min_spp: 4, max_spp: 1024 };
+    let goal = Goal::Error { target: 0.1, min_spp: 4, max_spp: 1024, of: ErrorOf::Noisy };
     assert_eq!(scene.sampling, Sampling { goal, seed: 9, time_limit: Some(2.5) });
     let image = Texture::Image {
         file: "t/a.PNG".to_owned(),
