@@ -178,7 +178,7 @@ pub(crate) enum DenoiseArg {
 pub(crate) enum ErrorOfArg {
     /// The picture as it is rendered.
     Noisy,
-    /// The denoised picture, judged by its denoised replicates after each round.
+    /// The denoised picture, judged by the upper end of the interval that its denoised replicates tell after each round.
     Denoised,
 }
 

@@ -295,7 +295,8 @@ impl FrameObserver for Observer<'_> {
     fn denoised_error(&self, film: &Film) -> Option<f64> {
         let threads = rayon::current_num_threads();
         match denoised_error(film, self.scene, self.denoise, threads) {
-            Ok(found) => found.map(|error| error.rel_mse.max(0.0)),
+            // With few samples it is a rough guess, and one guess of several that is too low must not end the frame.
+            Ok(found) => found.map(|error| error.ci95[1].max(0.0)),
             Err(error) => {
                 *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
                 // Ends the frame: what it cannot be judged by is not waited for.

@@ -31,7 +31,8 @@ pub trait FrameObserver: Sync {
         Box::new(Unobserved)
     }
 
-    /// The relMSE of the denoised picture, for frames that go on until it is small; `None` where it is unknown.
+    /// What the relMSE of the denoised picture is at most, for frames that go on until it is small; `None` where it is
+    /// unknown.
     fn denoised_error(&self, _film: &Film) -> Option<f64> {
         None
     }

@@ -10,7 +10,8 @@ use crate::scene::{ErrorOf, Goal, Sampling};
 
 /// The round after `done` finished ones; `None` when the frame is finished.
 ///
-/// `denoised` tells the relMSE of the denoised picture where that is what has to reach a target, `None` where it is unknown.
+/// `denoised` tells what the relMSE of the denoised picture is at most, where that has to reach a target; `None` where it is
+/// unknown.
 pub fn next_round(
     sampling: &Sampling,
     grid: &TileGrid,

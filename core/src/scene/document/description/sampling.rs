@@ -46,7 +46,7 @@ pub enum ErrorOf {
     /// The picture as it is rendered.
     #[default]
     Noisy,
-    /// The denoised picture, judged by its denoised replicates after each round.
+    /// The denoised picture, judged by the upper end of the interval that its denoised replicates tell after each round.
     Denoised,
 }
 
