@@ -296,7 +296,7 @@ impl FrameObserver for Observer<'_> {
         let threads = rayon::current_num_threads();
         match denoised_error(film, self.scene, self.denoise, threads) {
             // With few samples it is a rough guess, and one guess of several that is too low must not end the frame.
-            Ok(found) => found.map(|error| error.ci95[1].max(0.0)),
+            Ok(found) => found.map(|error| error.ci95[1]),
             Err(error) => {
                 *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
                 // Ends the frame: what it cannot be judged by is not waited for.

@@ -65,7 +65,8 @@ pub(super) fn convergence(
     let Some(&(last_seconds, last_error, _)) = dots.last() else {
         return String::new();
     };
-    let interval = interval.map(|ends| ends.map(|end| end.max(1e-12).sqrt()));
+    // Down to 0 there is no way on this scale: a tenth of the error stands for it.
+    let interval = interval.map(|ends| ends.map(|end| end.max(0.0).sqrt().max(0.1 * last_error)));
     let errors = dots.iter().map(|dot| dot.1).chain(interval.into_iter().flatten()).chain(target);
     let x = Scale::around(dots.iter().map(|dot| dot.0), MARGIN[0], WIDTH - MARGIN[2]);
     let y = Scale::around(errors, HEIGHT - MARGIN[3], MARGIN[1]);
@@ -75,7 +76,7 @@ pub(super) fn convergence(
         let at = y.at(target);
         let _ = write!(
             svg,
-            r#"<path class="target" d="M{} {at:.1}H{}"/><text x="{}" y="{:.1}" >target {}</text>"#,
+            r#"<path class="target" d="M{} {at:.1}H{}"/><text x="{}" y="{:.1}">target {}</text>"#,
             x.from,
             x.to,
             x.from + 6.0,
@@ -179,6 +180,9 @@ mod tests {
         let svg = convergence(&rounds(), Some([0.001, 0.002]), Some(0.05));
         assert_eq!(svg.matches("<circle").count(), 3);
         assert!(svg.contains("target 5.00 %") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        // An interval from 0 does not press everything else flat.
+        let svg = convergence(&rounds(), Some([0.0, 0.002]), None);
+        assert!(svg.contains(">1 %<") && !svg.contains(">0.1 %<"), "{svg}");
         assert_eq!(convergence(&rounds()[..1], None, None), "");
     }
 

@@ -52,8 +52,13 @@ pub fn cross_error(
     let (count, total) = (squares.len() as f64, squares.iter().sum::<f64>());
     // The spread of sums around what each would be if all were alike.
     let spread: f64 = squares.iter().map(|sum| (sum - total / count).powi(2)).sum();
-    let half = 1.96 * (spread * count / (count - 1.0).max(1.0)).sqrt() / pixels as f64;
     let rel_mse = total / pixels as f64;
+    // A single square has no spread: all that is told may be chance.
+    let half = if squares.len() < 2 {
+        rel_mse.abs()
+    } else {
+        1.96 * (spread * count / (count - 1.0)).sqrt() / pixels as f64
+    };
     Some(CrossError { rel_mse, ci95: [rel_mse - half, rel_mse + half] })
 }
 
@@ -112,5 +117,7 @@ mod tests {
         let plain = plain.sum::<f64>() / (WIDTH * WIDTH) as f64;
         assert!((found.rel_mse / plain - 1.0).abs() < 1e-9, "{found:?} {plain}");
         assert_eq!(cross_error([&[], &[]], [&[], &[]], 0, 1.0), None);
+        let alone = cross_error([&a[..9], &b[..9]], [&a[..9], &b[..9]], 3, 1.0).expect("pixels");
+        assert_eq!(alone.ci95, [0.0, 2.0 * alone.rel_mse]);
     }
 }

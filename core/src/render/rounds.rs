@@ -27,7 +27,9 @@ pub fn next_round(
                 let judged = match of {
                     ErrorOf::Noisy => noisy,
                     // As long as nobody can tell, the target is not reached.
-                    ErrorOf::Denoised => denoised(film).unwrap_or(f64::INFINITY),
+                    ErrorOf::Denoised => {
+                        denoised(film).filter(|error| !error.is_nan()).unwrap_or(f64::INFINITY)
+                    }
                 };
                 // The noise that would do if the judged picture's error fell as noise does; it falls less, so there are more
                 // rounds to come, each of one doubling at most.

@@ -155,7 +155,11 @@ fn settings(description: &Description, denoise: DenoiseArg) -> Value {
     let goal = match sampling.goal {
         Goal::Fixed { spp } => json!({"spp": spp}),
         Goal::Error { target, min_spp, max_spp, of } => {
-            json!({"target_error": target, "min_spp": min_spp, "max_spp": max_spp, "of": of == ErrorOf::Denoised})
+            let error_of = match of {
+                ErrorOf::Noisy => "noisy",
+                ErrorOf::Denoised => "denoised",
+            };
+            json!({"target_error": target, "min_spp": min_spp, "max_spp": max_spp, "error_of": error_of})
         }
     };
     let window = film.window();
