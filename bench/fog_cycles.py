@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """A spotlight in fog, by karst and by Cycles: speed against error, and whether the pictures agree.
 
-usage: bench/fog_cycles.py --python PYTHON [--spp 64] [--seeds 4] [--bin DIR] [--pictures DIR] [--json OUT]
+usage: bench/fog_cycles.py --python PYTHON [--spp 64] [--seeds 4] [--threads N] [--bin DIR] [--pictures DIR] [--json OUT]
 
 PYTHON is one that has bpy 4.5 and OpenEXR (pip install bpy OpenEXR); this script calls itself there. The scene is a room of
 diffuse walls with a ball, filled with even fog that scatters forward, lit by one spotlight without size. Both trace a fixed
-number of samples with two threads, a box filter of one pixel and the same number of bounces; Cycles with its light tree,
+number of samples with as many threads, a box filter of one pixel and the same number of bounces; Cycles with its light tree,
 without clamping, adaptive sampling, denoising and guiding. Seconds are of rendering alone: of Cycles those that a picture
 takes less those of one at 1 sample per pixel. Runs take turns. Errors and efficiency as in bench/race.py, relative to the
 mean of all pictures of both.
@@ -14,15 +14,17 @@ import argparse
 import json
 import math
 import os
-import subprocess
 import sys
 import tempfile
 import time
 
 import numpy as np
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from race import HEAD, Runs, about, picture, ratio, render, show, weights
+import shared
+import verdict
+from pictures import Runs, picture, save, weights
+from race import Own
+from served import Served
 
 EYE, TARGET, VFOV = (0.0, 1.5, 4.6), (0.0, 1.15, 0.0), 48.0
 SIZE, MAX_DEPTH = (256, 192), 8
@@ -75,53 +77,45 @@ def write_document(folder):
     return path
 
 
-def build_in_blender():
-    """The same scene in Blender's terms."""
-    import bpy
+def look(eye, target):
+    """Where a camera or a lamp is: up is +y here, and they look along their own −z."""
     import mathutils
 
-    def look(eye, target):
-        # Up is +y here, and cameras and lamps look along their own −z.
-        back = (mathutils.Vector(eye) - mathutils.Vector(target)).normalized()
-        right = mathutils.Vector((0, 1, 0)).cross(back).normalized()
-        columns = mathutils.Matrix((right, back.cross(right), back)).transposed().to_4x4()
-        return mathutils.Matrix.Translation(eye) @ columns
+    back = (mathutils.Vector(eye) - mathutils.Vector(target)).normalized()
+    right = mathutils.Vector((0, 1, 0)).cross(back).normalized()
+    columns = mathutils.Matrix((right, back.cross(right), back)).transposed().to_4x4()
+    return mathutils.Matrix.Translation(eye) @ columns
 
-    def place(name, data, matrix=None):
-        thing = bpy.data.objects.new(name, data)
-        scene.collection.objects.link(thing)
-        if matrix is not None:
-            thing.matrix_world = matrix
-        return thing
 
-    def diffuse(name, color):
-        material = bpy.data.materials.new(name)
-        material.use_nodes = True
-        nodes = material.node_tree.nodes
-        nodes.clear()
-        shader = nodes.new("ShaderNodeBsdfDiffuse")
-        shader.inputs["Color"].default_value = (*color, 1)
-        material.node_tree.links.new(shader.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
-        return material
+def place(scene, name, data, matrix=None):
+    """A thing in the scene."""
+    import bpy
 
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    room = bpy.data.meshes.new("room")
-    room.from_pydata(corners(), [], SIDES)
-    room.materials.append(diffuse("wall", WALL))
-    place("room", room)
-    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7, radius=RADIUS, location=BALL)
-    ball = bpy.context.object.data
-    ball.polygons.foreach_set("use_smooth", np.ones(len(ball.polygons), bool))
-    ball.materials.append(diffuse("red", BALL_COLOR))
-    # Blender's lamps have a power that a point of this intensity would have, whatever their cone.
-    lamp = bpy.data.lights.new("lamp", "SPOT")
-    lamp.shadow_soft_size, lamp.spot_size, lamp.spot_blend = 0.0, math.radians(CONE), BLEND
-    lamp.energy, lamp.color = 4 * math.pi * max(INTENSITY), [i / max(INTENSITY) for i in INTENSITY]
-    place("lamp", lamp, look(LAMP, AIM))
-    camera = bpy.data.cameras.new("camera")
-    camera.sensor_fit, camera.angle_y, camera.clip_start = "VERTICAL", math.radians(VFOV), 1e-3
-    scene.camera = place("camera", camera, look(EYE, TARGET))
+    thing = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(thing)
+    if matrix is not None:
+        thing.matrix_world = matrix
+    return thing
+
+
+def diffuse(name, color):
+    """A material."""
+    import bpy
+
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    shader = nodes.new("ShaderNodeBsdfDiffuse")
+    shader.inputs["Color"].default_value = (*color, 1)
+    material.node_tree.links.new(shader.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    return material
+
+
+def fill_with_fog(scene):
+    """The medium, everywhere."""
+    import bpy
+
     world = scene.world = bpy.data.worlds.new("world")
     world.use_nodes = True
     nodes = world.node_tree.nodes
@@ -138,10 +132,35 @@ def build_in_blender():
     for number, node in enumerate(parts):
         world.node_tree.links.new(node.outputs[0], both.inputs[number])
     world.node_tree.links.new(both.outputs[0], nodes["World Output"].inputs["Volume"])
+
+
+def build_in_blender():
+    """The same scene in Blender's terms."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    room = bpy.data.meshes.new("room")
+    room.from_pydata(corners(), [], SIDES)
+    room.materials.append(diffuse("wall", WALL))
+    place(scene, "room", room)
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7, radius=RADIUS, location=BALL)
+    ball = bpy.context.object.data
+    ball.polygons.foreach_set("use_smooth", np.ones(len(ball.polygons), bool))
+    ball.materials.append(diffuse("red", BALL_COLOR))
+    # Blender's lamps have a power that a point of this intensity would have, whatever their cone.
+    lamp = bpy.data.lights.new("lamp", "SPOT")
+    lamp.shadow_soft_size, lamp.spot_size, lamp.spot_blend = 0.0, math.radians(CONE), BLEND
+    lamp.energy, lamp.color = 4 * math.pi * max(INTENSITY), [i / max(INTENSITY) for i in INTENSITY]
+    place(scene, "lamp", lamp, look(LAMP, AIM))
+    camera = bpy.data.cameras.new("camera")
+    camera.sensor_fit, camera.angle_y, camera.clip_start = "VERTICAL", math.radians(VFOV), 1e-3
+    scene.camera = place(scene, "camera", camera, look(EYE, TARGET))
+    fill_with_fog(scene)
     return scene
 
 
-def serve_cycles():
+def serve_cycles(threads):
     """Renders what the lines of the standard input ask for: samples, seed, file. Answers with the seconds."""
     import bpy
 
@@ -152,7 +171,7 @@ def serve_cycles():
     cycles.pixel_filter_type, cycles.filter_width, cycles.use_light_tree = "BOX", 1.0, True
     for kind in ("max", "diffuse", "glossy", "transmission", "volume", "transparent_max"):
         setattr(cycles, f"{kind}_bounces", MAX_DEPTH - 2)
-    scene.render.threads_mode, scene.render.threads, scene.render.use_persistent_data = "FIXED", 2, True
+    scene.render.threads_mode, scene.render.threads, scene.render.use_persistent_data = "FIXED", threads, True
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *SIZE, 100
     settings = scene.render.image_settings
     settings.file_format, settings.color_depth, settings.color_mode, settings.exr_codec = "OPEN_EXR", "32", "RGB", "NONE"
@@ -165,78 +184,69 @@ def serve_cycles():
         cycles.samples, cycles.seed, scene.render.filepath = int(samples), int(seed), path.strip()
         begin = time.perf_counter()
         bpy.ops.render.render(write_still=True)
-        print(time.perf_counter() - begin, bpy.app.version_string, file=answers, flush=True)
-
-
-class Cycles:
-    """Cycles in a process of its own."""
-
-    def __init__(self, python):
-        self.process = subprocess.Popen([python, os.path.abspath(__file__), "--serve"], stdin=subprocess.PIPE,
-                                        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-
-    def seconds(self, samples, seed, path):
-        """Of a picture, all told."""
-        self.process.stdin.write(f"{samples} {seed} {path}\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline().split(maxsplit=1)
-        if not answer:
-            sys.exit("error: Cycles ended; does the --python have bpy and OpenEXR?")
-        return float(answer[0])
-
-    def end(self):
-        """Lets it end."""
-        self.process.stdin.close()
-        self.process.wait()
-
-
-def main():
-    if sys.argv[1:] == ["--serve"]:
-        return serve_cycles()
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    parser.add_argument("--python", required=True, metavar="PYTHON", help="one that has bpy")
-    parser.add_argument("--spp", type=int, default=64, help="samples per pixel (64)")
-    parser.add_argument("--seeds", type=int, default=4, help="pictures of each program (4)")
-    parser.add_argument("--bin", default=os.path.join(root, "target", "release"), metavar="DIR", help="where karst is")
-    parser.add_argument("--pictures", metavar="DIR", help="keep the mean pictures here, as EXR")
-    parser.add_argument("--json", metavar="OUT", help="write all figures here")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as work:
-        document, out = write_document(work), os.path.join(work, "cycles.exr")
-        cycles, own, other = Cycles(options.python), Runs("karst"), Runs("cycles")
-        cycles.seconds(1, 0, out)
-        for seed in range(options.seeds):
-            render(own, document, work, options)
-            idle = cycles.seconds(1, seed, out)
-            other.seconds.append(cycles.seconds(options.spp, 100 + seed, out) - idle)
-            other.pictures.append(picture(out))
-        cycles.end()
-        means = [np.mean(runs.pictures, axis=0) for runs in (own, other)]
-        if options.pictures:
-            keep(means, options.pictures)
-    weight = weights(np.mean(means, axis=0))
-    difference, error = other.bias(means[0])
-    rows = [runs.result(weight, options.spp) for runs in (own, other)]
-    found = {"scene": "spotlight in fog", "rows": rows, "difference": difference, "difference_error": error}
-    print(HEAD)
-    show(found)
-    print(f"\nCycles' pooled mean lies {100 * difference:+.2f} ± {100 * error:.2f} % off karst's; "
-          f"efficiency {ratio(found, 'efficiency'):.2f}, without 0.1 % {ratio(found, 'efficiency_trimmed'):.2f}")
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump({"about": about(options), "scenes": [found]}, file, indent=1)
+        print(json.dumps({"seconds": time.perf_counter() - begin}), file=answers, flush=True)
     return 0
 
 
-def keep(means, folder):
-    """Writes the mean pictures."""
-    import OpenEXR
+def render_all(work, options):
+    """Pictures of both, in turn."""
+    document, out = write_document(work), os.path.join(work, "cycles.exr")
+    command = [options.python, os.path.abspath(__file__), "--serve", str(options.threads)]
+    karst, cycles = Own(document, work, options), Served(command, os.path.join(work, "cycles.log"), 900)
+    own, other = Runs("karst", options.spp), Runs("cycles", options.spp)
+    seconds = lambda samples, seed: cycles.answer(f"{samples} {seed} {out}")["seconds"]
+    try:
+        seconds(1, 0)
+        for seed in range(options.seeds):
+            own.add(*karst.draw(seed)[:2])
+            idle = seconds(1, seed)
+            spent = seconds(options.spp, 100 + seed) - idle
+            other.add(picture(out), spent)
+    except RuntimeError as error:
+        sys.exit(f"error: {error}\nhint: does the --python have bpy and OpenEXR?")
+    finally:
+        cycles.end()
+    return own, other
 
-    os.makedirs(folder, exist_ok=True)
-    for name, mean in zip(("karst", "cycles"), means):
-        colors = {"RGB": np.ascontiguousarray(mean, dtype=np.float32)}
-        OpenEXR.File({}, colors).write(os.path.join(folder, f"{name}.exr"))
+
+def report(own, other):
+    """The rows of both, and how far their means are apart."""
+    means = [own.mean(), other.mean()]
+    weight = weights((means[0] + means[1]) / 2)
+    difference, error = other.bias(means[0])
+    rows = [runs.result(weight) for runs in (own, other)]
+    for row, (off, spread) in zip(rows, ((0.0, 0.0), (difference, error))):
+        row.update(bias=off, bias_error=spread, own_version=False)
+        for end in ("", "_trimmed"):
+            row[f"karst_over{end}"] = rows[0][f"efficiency{end}"] / row[f"efficiency{end}"]
+    return {"scene": "spotlight in fog", "rows": rows, "difference": difference, "difference_error": error}
+
+
+def main():
+    if sys.argv[1:2] == ["--serve"]:
+        return serve_cycles(int(sys.argv[2]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--python", required=True, metavar="PYTHON", help="one that has bpy")
+    parser.add_argument("--spp", type=int, default=64, metavar="N", help="samples per pixel (64)")
+    parser.add_argument("--seeds", type=int, default=4, metavar="N", help="pictures of each program (4)")
+    parser.add_argument("--pictures", metavar="DIR", help="keep the mean pictures here, as EXR")
+    parser.add_argument("--json", metavar="OUT", help="write all figures here")
+    shared.common_options(parser)
+    options = shared.finish(parser)
+    with tempfile.TemporaryDirectory() as work:
+        runs = render_all(work, options)
+    if options.pictures:
+        os.makedirs(options.pictures, exist_ok=True)
+        for of in runs:
+            save(os.path.join(options.pictures, f"{of.program}.exr"), of.mean())
+    found = report(*runs)
+    print("\n".join([verdict.HEAD, *verdict.lines(found)]))
+    last = found["rows"][-1]
+    print(f"\nCycles' pooled mean lies {100 * found['difference']:+.2f} ± {100 * found['difference_error']:.2f} % off karst's; "
+          f"efficiency {last['karst_over']:.2f}, without 0.1 % {last['karst_over_trimmed']:.2f}")
+    told = {**shared.about(options), "spp": options.spp, "seeds": options.seeds}
+    shared.keep({"about": told, "scenes": [found]}, options.json)
+    return 0
 
 
 if __name__ == "__main__":

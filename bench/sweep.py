@@ -2,6 +2,8 @@
 """Speed against error of karst itself: scenes at several sample counts and error targets.
 
 usage: bench/sweep.py [--spp 4 16 64] [--targets 0.1] [--pixels 40000] [--scenes DIR] [--out DIR] [--bin DIR] [NAME…]
+                      [--peers [--peer NAME[:SAMPLER][@SPP]]… [--peers-folder DIR] [--peers-python PYTHON]
+                      [--cycles-python PYTHON] [--race-spp 64] [--seeds 4]]
 
 Scenes are those of scenes/ that stand for a kind of work each, and with --scenes DIR those of a folder with one folder a
 scene: scene.xml, reference.exr and reference.json. Each is rendered twice, with other seeds, at a size of about --pixels
@@ -10,18 +12,21 @@ mean((a-b)² / (b²+0.01)), by three ways: what karst reports, what its two pict
 differs from the reference by, without the error of that one. Without a reference errors are relative to a third picture, of
 the most samples. Efficiency is 1 / (relMSE · seconds) by the two pictures. Seconds are of rendering alone, the
 mean of both. Writes DATE-COMMIT.json, .md and .svg into bench/results/, or --out.
+
+With --peers the scenes of DIR are then raced against other renderers: bench/race.py, run by the Python of --peers-python, whose
+results go to the same place.
 """
 import argparse
-import datetime
 import json
 import math
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+import peers
+from shared import ROOT, about, converted, folders, keep, parse, publish, reference_error, run, title
+
 OWN = [
     "cornell.json", "demo/demo.json", "cave/cave.json", "sdf/smooth_union.json", "sdf/fbm_noise.json",
     "sdf/mandelbulb_valley.json",
@@ -29,14 +34,6 @@ OWN = [
 HEAD = """| scene | asked | spp | seconds | Msamples/s | Mrays/s | error reported | of two | to reference | efficiency | MiB |
 |---|---|---|---|---|---|---|---|---|---|---|"""
 COLORS = ["#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb", "#000000"]
-
-
-def run(*command):
-    """What a command prints; its error text is an exception."""
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(done.stderr.strip() or f"{command[0]} ended with {done.returncode}")
-    return done.stdout
 
 
 class Scene:
@@ -63,18 +60,9 @@ def own_scenes(options):
 
 def others_scenes(options, work):
     """Scenes of others, converted as they are."""
-    for name in sorted(os.listdir(options.scenes)) if options.scenes else []:
-        folder = os.path.join(options.scenes, name)
-        source, picture = os.path.join(folder, "scene.xml"), os.path.join(folder, "reference.exr")
-        if not os.path.exists(source) or (options.names and name not in options.names):
-            continue
-        document = os.path.join(work, name, "scene.json")
-        os.makedirs(os.path.dirname(document))
-        run(options.karst, "convert", source, "-o", document, "--strict")
-        error, about = 0.0, os.path.join(folder, "reference.json")
-        if os.path.exists(about):
-            with open(about, encoding="utf-8") as file:
-                error = math.sqrt(max(0.0, json.load(file).get("relmse_of_reference") or 0.0))
+    for name, folder in folders(options):
+        document, picture = converted(folder, os.path.join(work, name), options), os.path.join(folder, "reference.exr")
+        error = math.sqrt(max(0.0, reference_error(folder) or 0.0))
         yield Scene(name, document, options.pixels, picture if os.path.exists(picture) else None, error)
 
 
@@ -123,7 +111,7 @@ def line(row):
     )
 
 
-def plot(rows, title):
+def plot(rows, heading):
     """Error over seconds on logarithmic axes, a line a scene, as SVG."""
     shown = [row for row in rows if row["rel_mse_of_two"] > 0]
     if not shown:
@@ -141,7 +129,7 @@ def plot(rows, title):
     parts = [
         f"<svg xmlns='http://www.w3.org/2000/svg' width='{left + width + legend}' height='{top + height + 50}' "
         "font-family='sans-serif' font-size='12'>", "<rect width='100%' height='100%' fill='white'/>",
-        f"<text x='{left}' y='22' font-size='14'>{title}</text>",
+        f"<text x='{left}' y='22' font-size='14'>{heading}</text>",
     ]
     for power in range(ranges[0][0], ranges[0][1] + 1):
         x = place_x(10.0**power)
@@ -164,37 +152,6 @@ def plot(rows, title):
     return "\n".join([*parts, "</svg>\n"])
 
 
-def about(options):
-    """What was measured, on what."""
-    with open("/proc/cpuinfo", encoding="utf-8") as file:
-        models = [text.split(":", 1)[1].strip() for text in file if text.startswith("model name")]
-    commit = subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty"], capture_output=True, text=True, check=False)
-    return {
-        "date": datetime.date.today().isoformat(), "commit": commit.stdout.strip() or "unknown",
-        "processor": models[0] if models else platform.processor(), "cores": os.cpu_count(), "threads": options.threads,
-        "command": " ".join([os.path.join("bench", os.path.basename(sys.argv[0])), *(f'"{part}"' if " " in part else part for part in sys.argv[1:])]),
-    }
-
-
-def parse(parser):
-    """The options of a program that renders scenes, with those that all of them have."""
-    parser.add_argument("--threads", type=int, default=os.cpu_count(), metavar="N", help="threads (all)")
-    parser.add_argument("--scenes", default=os.environ.get("KARST_SCENES"), metavar="DIR", help="scenes of others ($KARST_SCENES)")
-    parser.add_argument("--bin", default=os.path.join(ROOT, "target", "release"), metavar="DIR", help="where karst is")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (all)")
-    options = parser.parse_args()
-    options.karst = os.path.join(options.bin, "karst")
-    return options
-
-
-def keep(results, path):
-    """Writes all figures, if they are wanted."""
-    if path:
-        with open(path, "w", encoding="utf-8") as file:
-            json.dump(results, file, indent=1)
-            file.write("\n")
-
-
 def each_scene(head, measure, line, options):
     """A table with a row for each scene, kept after every one."""
     results = {"about": about(options), "rows": []}
@@ -209,28 +166,15 @@ def each_scene(head, measure, line, options):
 def write(results, options):
     """All figures, the table and the plot, anew after every row: who stops it half-way has half of it."""
     told, rows = results["about"], results["rows"]
+    text = [f"# {title(told)}", "", f"{told['date']}, {told['cores']} cores: `{told['command']}`", "", HEAD, *map(line, rows)]
     base = os.path.join(options.out, f"{told['date']}-{told['commit']}")
-    title = f"karst {told['commit']}, {told['threads']} threads, {told['processor']}"
-    with open(f"{base}.json", "w", encoding="utf-8") as file:
-        json.dump(results, file, indent=1)
-    with open(f"{base}.md", "w", encoding="utf-8") as file:
-        file.write(f"# {title}\n\n{told['date']}, {told['cores']} cores: `{told['command']}`\n\n{HEAD}\n")
-        file.writelines(line(row) + "\n" for row in rows)
-        file.write(f"\n![error over seconds]({os.path.basename(base)}.svg)\n")
-    with open(f"{base}.svg", "w", encoding="utf-8") as file:
-        file.write(plot(rows, title))
+    publish(base, results, "\n".join(text), ("error over seconds", plot(rows, title(told))))
     return base
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--spp", type=int, nargs="+", default=[4, 16, 64], metavar="N", help="samples per pixel (4 16 64)")
-    parser.add_argument("--targets", type=float, nargs="*", default=[0.1], metavar="E", help="error targets (0.1)")
-    parser.add_argument("--pixels", type=int, default=40000, metavar="N", help="about how many pixels (40000)")
-    parser.add_argument("--out", default=os.path.join(ROOT, "bench", "results"), metavar="DIR", help="where results go")
-    options = parse(parser)
-    os.makedirs(options.out, exist_ok=True)
-    results = {"about": about(options), "rows": []}
+def sweep(options):
+    """All rows of all scenes."""
+    results, base = {"about": about(options), "rows": []}, None
     print(HEAD, flush=True)
     with tempfile.TemporaryDirectory() as work:
         for scene in [*own_scenes(options), *others_scenes(options, work)]:
@@ -240,10 +184,48 @@ def main():
                 results["rows"].append(measure(scene, asked, work, options))
                 print(line(results["rows"][-1]), flush=True)
                 base = write(results, options)
-    if not results["rows"]:
+    if base is None:
         sys.exit(f"error: no scene of these names: {' '.join(options.names)}")
     print(f"\n{base}.json, .md, .svg", file=sys.stderr)
-    return 0
+
+
+def race(options):
+    """The scenes of others, raced by race.py in a Python that has what it needs; its status."""
+    names = [name for name, _ in folders(options)]
+    if not names:
+        print("no race: only scenes of --scenes can be raced", file=sys.stderr)
+        return 0
+    program = os.path.join(ROOT, "bench", "race.py")
+    command = [options.peers_python, program, "--scenes", options.scenes, "--spp", options.race_spp, "--seeds", options.seeds,
+               "--threads", options.threads, "--bin", options.bin, "--out", options.out, "--patience", options.patience,
+               "--peers-folder", options.peers_folder, "--peers-python", options.peers_python]
+    if options.cycles_python:
+        command += ["--cycles-python", options.cycles_python]
+    for peer in options.peer:
+        command += ["--peer", peer]
+    print(flush=True)
+    return subprocess.run([str(part) for part in [*command, *(names if options.names else [])]], check=False).returncode
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--spp", type=int, nargs="+", default=[4, 16, 64], metavar="N", help="samples per pixel (4 16 64)")
+    parser.add_argument("--targets", type=float, nargs="*", default=[0.1], metavar="E", help="error targets (0.1)")
+    parser.add_argument("--pixels", type=int, default=40000, metavar="N", help="about how many pixels (40000)")
+    parser.add_argument("--out", default=os.path.join(ROOT, "bench", "results"), metavar="DIR", help="where results go")
+    parser.add_argument("--peers", action="store_true", help="then race scenes of --scenes against other renderers")
+    parser.add_argument("--race-spp", type=int, default=64, metavar="N", help="samples per pixel of the race (64)")
+    parser.add_argument("--seeds", type=int, default=4, metavar="N", help="pictures of each program in the race (4)")
+    peers.add_options(parser)
+    options = parse(parser)
+    os.makedirs(options.out, exist_ok=True)
+    if options.peers:
+        if not options.scenes:
+            parser.error("--peers: needs scenes that others can render\nhint: --scenes DIR, or KARST_SCENES in the environment")
+        # Now rather than after the sweep.
+        peers.check(peers.resolve(options, options.race_spp), options)
+    sweep(options)
+    return race(options) if options.peers else 0
 
 
 if __name__ == "__main__":
