@@ -2,9 +2,11 @@
 
 mod support;
 
+use karst_core::encode::{exr, film_exr, film_png, png};
 use karst_core::film::{Film, Region, ResultError, Round, TileGrid, TileResult};
 use karst_core::render::{next_round, render_tile};
 use karst_core::scene::Scene;
+use std::io::Cursor;
 use std::sync::atomic::AtomicBool;
 use support::{fingerprint, render, scene};
 
@@ -59,6 +61,24 @@ fn a_crop_window_shows_the_same_pixels() {
     want.error.clear();
     got.error.clear();
     assert_eq!(fingerprint(&got), fingerprint(&want));
+}
+
+/// Files are written a band of rows at a time: the same bytes as of the whole picture.
+#[test]
+fn a_film_is_written_as_its_picture_is() {
+    let crop = r#", "crop": {"x": 37, "y": 19, "width": 64, "height": 29}"#;
+    let scene = scene(&text(FIXED, crop));
+    let film = render(&scene, 32, 2);
+    let (picture, statistics) = (film.picture(), serde_json::json!({"frame": 1}));
+    for denoised in [None, Some(&picture.albedo[..])] {
+        let mut bytes = Cursor::new(Vec::new());
+        film_exr(&film, denoised, &statistics, &mut bytes).unwrap();
+        assert!(bytes.into_inner() == exr(&picture, denoised, &statistics).unwrap());
+    }
+    assert!(film_exr(&film, Some(&picture.albedo[1..]), &statistics, Cursor::new(Vec::new())).is_err());
+    let (exposure, view) = (scene.exposure(), scene.view());
+    let whole = png(&picture.color, picture.window.width(), picture.window.height(), exposure, view);
+    assert!(film_png(&film, exposure, view).unwrap() == whole.unwrap());
 }
 
 /// Renders a frame as the service does: results as bytes, merged backwards, the film through a checkpoint each round.

@@ -1,9 +1,12 @@
 //! Pictures of a rendered film: denoised if asked for, written as EXR or PNG.
 
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use karst_client::Error;
-use karst_core::encode::{exr, object_statistics, png, statistics};
+use karst_core::encode::{film_exr, film_png, object_statistics, png, statistics};
 use karst_core::film::{CrossError, Film, Picture, cross_error};
 use karst_core::math::powf;
 use karst_core::scene::Scene;
@@ -16,54 +19,58 @@ use crate::naming::denoised;
 /// What is written of a frame.
 pub(super) struct Pictures<'a> {
     scene: &'a Scene,
-    noisy: Picture,
-    denoised: Option<Picture>,
+    film: &'a Film,
+    denoised: Option<Vec<Vec3>>,
     statistics: Value,
 }
 
 impl<'a> Pictures<'a> {
-    /// Resolves the film, and denoises it if asked for.
+    /// Denoises the film if asked for.
     pub(super) fn new(
-        film: &Film,
+        film: &'a Film,
         scene: &'a Scene,
         frame: i32,
         denoise: DenoiseArg,
         threads: usize,
     ) -> Result<Self, Error> {
-        let noisy = film.picture();
-        let smooth = |mode| denoised_colors(&noisy.color, &noisy, mode, threads);
-        let denoised =
-            mode_of(denoise).map(smooth).transpose()?.map(|color| Picture { color, ..noisy.clone() });
+        let smooth = |mode| {
+            let noisy = film.picture();
+            denoised_colors(&noisy.color, &noisy, mode, threads)
+        };
+        let denoised = mode_of(denoise).map(smooth).transpose()?;
         let objects = object_statistics(scene.function_names(), film.objects());
         let statistics = statistics(frame, scene.sampling().seed, &film.summary(), &objects);
-        Ok(Self { scene, noisy, denoised, statistics })
+        Ok(Self { scene, film, denoised, statistics })
     }
 
-    /// The denoised picture where there is one.
-    pub(super) fn best(&self) -> &Picture {
-        self.denoised.as_ref().unwrap_or(&self.noisy)
+    /// The denoised picture where there is one, with the layers of the noisy one.
+    pub(super) fn best(&self) -> Picture {
+        let mut picture = self.film.picture();
+        if let Some(denoised) = &self.denoised {
+            picture.color.clone_from(denoised);
+        }
+        picture
     }
 
     /// Writes `path`, and for a PNG the denoised picture beside it; returns what was written.
     pub(super) fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         if path.extension().is_some_and(|ending| ending == "exr") {
-            let denoised = self.denoised.as_ref().map(|picture| picture.color.as_slice());
-            let bytes =
-                exr(&self.noisy, denoised, &self.statistics).map_err(|error| encode_error(path, &error))?;
-            return Ok(vec![write(path, &bytes)?]);
+            let mut file = BufWriter::new(File::create(path).map_err(|source| Error::file(path, source))?);
+            film_exr(self.film, self.denoised.as_deref(), &self.statistics, &mut file)
+                .map_err(|error| encode_error(path, &error))?;
+            file.flush().map_err(|source| Error::file(path, source))?;
+            return Ok(vec![path.to_owned()]);
         }
-        let mut written = vec![self.write_png(path, &self.noisy)?];
-        if let Some(picture) = &self.denoised {
-            written.push(self.write_png(&denoised(path), picture)?);
+        let (exposure, view) = (self.scene.exposure(), self.scene.view());
+        let noisy = film_png(self.film, exposure, view).map_err(|error| encode_error(path, &error))?;
+        let mut written = vec![write(path, &noisy)?];
+        if let Some(color) = &self.denoised {
+            let (path, window) = (denoised(path), self.film.window());
+            let bytes = png(color, window.width(), window.height(), exposure, view)
+                .map_err(|error| encode_error(&path, &error))?;
+            written.push(write(&path, &bytes)?);
         }
         Ok(written)
-    }
-
-    fn write_png(&self, path: &Path, picture: &Picture) -> Result<PathBuf, Error> {
-        let (width, height) = (picture.window.width(), picture.window.height());
-        let bytes = png(&picture.color, width, height, self.scene.exposure(), self.scene.view())
-            .map_err(|error| encode_error(path, &error))?;
-        write(path, &bytes)
     }
 }
 

@@ -177,7 +177,7 @@ impl Job<'_> {
                 Goal::Error { .. } | Goal::Fixed { .. } => None,
             };
             let (exposure, view) = (scene.exposure(), scene.view());
-            let finished = Finished { report: &report, target, picture: pictures.best(), exposure, view };
+            let finished = Finished { report: &report, target, picture: &pictures.best(), exposure, view };
             page.lock().unwrap_or_else(PoisonError::into_inner).add(&finished)?;
         }
         (self.tell)(&report, &files);

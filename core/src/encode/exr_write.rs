@@ -3,17 +3,24 @@
 //! Channel names are the ones Blender writes and Nuke groups into layers: colours end in `R G B`, vectors in
 //! `X Y Z`, depth is `Depth.Z`, single values end in `X` (as in Blender's `IndexOB.X`).
 
-use std::io::Cursor;
+use std::io::{Cursor, Seek, Write};
+use std::ops::Range;
 
+use exr::block::BlockIndex;
+use exr::block::UncompressedBlock;
 use exr::image::write::WritableImage;
-use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer};
-use exr::math::Vec2;
-use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
-use exr::meta::header::{ImageAttributes, LayerAttributes};
-use exr::prelude::{Compression, SmallVec};
+use exr::image::write::channels::{ChannelsWriter, WritableChannels};
+use exr::image::{Blocks, Encoding, Image, Layer};
+use exr::math::{RoundingMode, Vec2};
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, ChannelList, Chromaticities, IntegerBounds, LevelMode, LineOrder,
+    SampleType, Text,
+};
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use exr::prelude::Compression;
 use glam::Vec3;
 
-use crate::film::Picture;
+use crate::film::{Film, Picture, Region};
 
 use super::EncodeError;
 
@@ -42,16 +49,109 @@ pub struct Layers<'a> {
     pub denoised: Option<&'a [Vec3]>,
 }
 
-impl Layers<'_> {
-    /// Width and height of the window, checked against the frame.
-    fn size(&self) -> Result<(u32, u32), EncodeError> {
-        let (x0, y0, x1, y1) = self.window;
-        let (width, height) = self.full;
-        if x0 >= x1 || y0 >= y1 || x1 > width || y1 > height || width.max(height) > i32::MAX as u32 {
-            return Err(EncodeError::Window { x0, y0, x1, y1, width, height });
+impl<'a> Layers<'a> {
+    /// All layers of a picture, and the denoised one if there is one.
+    fn of(picture: &'a Picture, denoised: Option<&'a [Vec3]>) -> Self {
+        let window = &picture.window;
+        Self {
+            full: (picture.size.width, picture.size.height),
+            window: (window.x0, window.y0, window.x1, window.y1),
+            color: &picture.color,
+            albedo: Some(&picture.albedo),
+            normal: Some(&picture.normal),
+            depth: Some(&picture.depth),
+            samples: Some(&picture.samples),
+            error: Some(&picture.error),
+            evaluations: (!picture.evaluations.is_empty()).then_some(&picture.evaluations),
+            denoised,
         }
-        Ok((x1 - x0, y1 - y0))
     }
+
+    /// The same planes over some of their pixels.
+    fn rows(&self, range: Range<usize>) -> Self {
+        let vector = |plane: &'a [Vec3]| &plane[range.clone()];
+        let scalar = |plane: &'a [f32]| &plane[range.clone()];
+        Self {
+            full: self.full,
+            window: self.window,
+            color: vector(self.color),
+            albedo: self.albedo.map(vector),
+            normal: self.normal.map(vector),
+            depth: self.depth.map(scalar),
+            samples: self.samples.map(scalar),
+            error: self.error.map(scalar),
+            evaluations: self.evaluations.map(scalar),
+            denoised: self.denoised.map(vector),
+        }
+    }
+
+    /// The channels in the order of the file, which is that of their names.
+    fn lanes(&self) -> Vec<Lane<'a>> {
+        let mut lanes = Vec::with_capacity(16);
+        let vectors = [
+            ("color", ["R", "G", "B"], Some(self.color)),
+            ("albedo", ["Albedo.R", "Albedo.G", "Albedo.B"], self.albedo),
+            ("normal", ["Normal.X", "Normal.Y", "Normal.Z"], self.normal),
+            ("denoised", ["Denoised.R", "Denoised.G", "Denoised.B"], self.denoised),
+        ];
+        for (plane, names, pixels) in vectors {
+            let Some(pixels) = pixels else { continue };
+            let axes = names.into_iter().enumerate();
+            lanes.extend(axes.map(|(axis, name)| Lane { plane, name, values: Values::Axis(pixels, axis) }));
+        }
+        let scalars = [
+            ("depth", "Depth.Z", self.depth),
+            ("samples", "Samples.X", self.samples),
+            ("error", "Error.X", self.error),
+            ("evaluations", "Evaluations.X", self.evaluations),
+        ];
+        for (plane, name, values) in scalars {
+            lanes.extend(values.map(|values| Lane { plane, name, values: Values::Numbers(values) }));
+        }
+        lanes.sort_unstable_by_key(|lane| lane.name);
+        lanes
+    }
+}
+
+/// A channel of the file.
+struct Lane<'a> {
+    /// The plane that it belongs to.
+    plane: &'static str,
+    name: &'static str,
+    values: Values<'a>,
+}
+
+/// Where a channel's numbers are.
+enum Values<'a> {
+    /// One axis of vectors.
+    Axis(&'a [Vec3], usize),
+    Numbers(&'a [f32]),
+}
+
+impl Values<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Axis(pixels, _) => pixels.len(),
+            Self::Numbers(numbers) => numbers.len(),
+        }
+    }
+
+    fn at(&self, index: usize) -> f32 {
+        match self {
+            Self::Axis(pixels, axis) => pixels[index][*axis],
+            Self::Numbers(numbers) => numbers[index],
+        }
+    }
+}
+
+/// Width and height of a window, checked against the frame.
+fn size(full: (u32, u32), window: (u32, u32, u32, u32)) -> Result<(u32, u32), EncodeError> {
+    let (x0, y0, x1, y1) = window;
+    let (width, height) = full;
+    if x0 >= x1 || y0 >= y1 || x1 > width || y1 > height || width.max(height) > i32::MAX as u32 {
+        return Err(EncodeError::Window { x0, y0, x1, y1, width, height });
+    }
+    Ok((x1 - x0, y1 - y0))
 }
 
 /// Encodes every layer of a picture, and the denoised one if there is one, as an EXR file; see [`write_exr`].
@@ -63,20 +163,32 @@ pub fn exr(
     denoised: Option<&[Vec3]>,
     statistics: &serde_json::Value,
 ) -> Result<Vec<u8>, EncodeError> {
-    let window = &picture.window;
-    let layers = Layers {
-        full: (picture.size.width, picture.size.height),
-        window: (window.x0, window.y0, window.x1, window.y1),
-        color: &picture.color,
-        albedo: Some(&picture.albedo),
-        normal: Some(&picture.normal),
-        depth: Some(&picture.depth),
-        samples: Some(&picture.samples),
-        error: Some(&picture.error),
-        evaluations: (!picture.evaluations.is_empty()).then_some(&picture.evaluations),
-        denoised,
+    write_exr(&Layers::of(picture, denoised), statistics)
+}
+
+/// Writes [`exr`] of a film's window, resolved a band of rows at a time: however large it is, no second picture of it is in
+/// memory.
+///
+/// # Errors
+/// Those of [`write_exr`], and what `to` cannot take.
+pub fn film_exr(
+    film: &Film,
+    denoised: Option<&[Vec3]>,
+    statistics: &serde_json::Value,
+    to: impl Write + Seek,
+) -> Result<(), EncodeError> {
+    let (size, window) = (film.size(), film.window());
+    if let Some(denoised) = denoised {
+        check_plane("denoised", denoised.len(), window.width(), window.height())?;
+    }
+    let width = window.width() as usize;
+    let band = |rows: Range<usize>, take: &mut dyn FnMut(&Layers<'_>)| {
+        let part = Region { y0: window.y0 + rows.start as u32, y1: window.y0 + rows.end as u32, ..window };
+        let denoised = denoised.map(|plane| &plane[rows.start * width..rows.end * width]);
+        take(&Layers::of(&film.region(part), denoised));
     };
-    write_exr(&layers, statistics)
+    let full = (size.width, size.height);
+    write_bands(full, (window.x0, window.y0, window.x1, window.y1), statistics, band, to)
 }
 
 /// Encodes the layers as an EXR file: one part, f32, ZIP in scan-line blocks, the window placed in the frame.
@@ -87,19 +199,33 @@ pub fn exr(
 /// [`EncodeError::Window`] for an empty window or one outside the frame, [`EncodeError::PlaneSize`] for a plane
 /// of another size than the window.
 pub fn write_exr(layers: &Layers<'_>, statistics: &serde_json::Value) -> Result<Vec<u8>, EncodeError> {
-    let (width, height) = layers.size()?;
-    let mut planes = Planes { width, height, list: SmallVec::new() };
-    planes.vector(["R", "G", "B"], "color", Some(layers.color))?;
-    planes.vector(["Albedo.R", "Albedo.G", "Albedo.B"], "albedo", layers.albedo)?;
-    planes.vector(["Normal.X", "Normal.Y", "Normal.Z"], "normal", layers.normal)?;
-    planes.scalar("Depth.Z", "depth", layers.depth)?;
-    planes.scalar("Samples.X", "samples", layers.samples)?;
-    planes.scalar("Error.X", "error", layers.error)?;
-    planes.scalar("Evaluations.X", "evaluations", layers.evaluations)?;
-    planes.vector(["Denoised.R", "Denoised.G", "Denoised.B"], "denoised", layers.denoised)?;
+    let (width, height) = size(layers.full, layers.window)?;
+    for lane in layers.lanes() {
+        check_plane(lane.plane, lane.values.len(), width, height)?;
+    }
+    let width = width as usize;
+    let band = |rows: Range<usize>, take: &mut dyn FnMut(&Layers<'_>)| {
+        take(&layers.rows(rows.start * width..rows.end * width));
+    };
+    let mut bytes = Cursor::new(Vec::new());
+    write_bands(layers.full, layers.window, statistics, band, &mut bytes)?;
+    Ok(bytes.into_inner())
+}
 
+/// Writes the file: `band` hands over the layers of some rows of the window.
+fn write_bands<B>(
+    full: (u32, u32),
+    window: (u32, u32, u32, u32),
+    statistics: &serde_json::Value,
+    band: B,
+    to: impl Write + Seek,
+) -> Result<(), EncodeError>
+where
+    B: Fn(Range<usize>, &mut dyn FnMut(&Layers<'_>)) + Sync,
+{
+    let (width, height) = size(full, window)?;
     let mut own = LayerAttributes {
-        layer_position: Vec2(layers.window.0 as i32, layers.window.1 as i32),
+        layer_position: Vec2(window.0 as i32, window.1 as i32),
         software_name: Some(Text::new_or_panic("karst")),
         ..LayerAttributes::default()
     };
@@ -109,17 +235,16 @@ pub fn write_exr(layers: &Layers<'_>, statistics: &serde_json::Value) -> Result<
         AttributeValue::Text(Text::new_or_panic(ascii_json(statistics)?)),
     );
 
-    let frame = IntegerBounds::from_dimensions((layers.full.0 as usize, layers.full.1 as usize));
+    let frame = IntegerBounds::from_dimensions((full.0 as usize, full.1 as usize));
     let shared = ImageAttributes { chromaticities: Some(REC709), ..ImageAttributes::new(frame) };
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
-    let layer = Layer::new((width as usize, height as usize), own, encoding, AnyChannels::sort(planes.list));
-    let mut bytes = Cursor::new(Vec::new());
-    Image { attributes: shared, layer_data: layer }.write().to_buffered(&mut bytes)?;
-    Ok(bytes.into_inner())
+    let layer = Layer::new((width as usize, height as usize), own, encoding, Bands(band));
+    Image { attributes: shared, layer_data: layer }.write().to_buffered(to)?;
+    Ok(())
 }
 
 /// ITU-R BT.709 primaries and D65, as CIE xy.
@@ -130,37 +255,53 @@ const REC709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Channels collected so far, each checked to have the size of the window.
-struct Planes {
-    width: u32,
-    height: u32,
-    list: SmallVec<[AnyChannel<FlatSamples>; 4]>,
+/// Layers that are asked for as the file is written, a block of rows at a time.
+struct Bands<B>(B);
+
+impl<'a, B> WritableChannels<'a> for Bands<B>
+where
+    B: Fn(Range<usize>, &mut dyn FnMut(&Layers<'_>)) + Sync + 'a,
+{
+    type Writer = &'a Self;
+
+    fn infer_channel_list(&self) -> ChannelList {
+        let mut list = Vec::new();
+        // Every row has the same channels.
+        (self.0)(0..1, &mut |layers| {
+            let of =
+                |lane: &Lane<'_>| ChannelDescription::named(Text::new_or_panic(lane.name), SampleType::F32);
+            list = layers.lanes().iter().map(of).collect();
+        });
+        ChannelList::new(list.into())
+    }
+
+    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
+        (LevelMode::Singular, RoundingMode::Down)
+    }
+
+    fn create_writer(&'a self, _: &Header) -> &'a Self {
+        self
+    }
 }
 
-impl Planes {
-    fn vector(
-        &mut self,
-        names: [&str; 3],
-        plane: &'static str,
-        pixels: Option<&[Vec3]>,
-    ) -> Result<(), EncodeError> {
-        let Some(pixels) = pixels else { return Ok(()) };
-        check_plane(plane, pixels.len(), self.width, self.height)?;
-        for (axis, name) in names.into_iter().enumerate() {
-            self.push(name, pixels.iter().map(|pixel| pixel[axis]).collect());
-        }
-        Ok(())
-    }
-
-    fn scalar(&mut self, name: &str, plane: &'static str, pixels: Option<&[f32]>) -> Result<(), EncodeError> {
-        let Some(pixels) = pixels else { return Ok(()) };
-        check_plane(plane, pixels.len(), self.width, self.height)?;
-        self.push(name, pixels.to_vec());
-        Ok(())
-    }
-
-    fn push(&mut self, name: &str, values: Vec<f32>) {
-        self.list.push(AnyChannel::new(Text::new_or_panic(name), FlatSamples::F32(values)));
+impl<B> ChannelsWriter for &Bands<B>
+where
+    B: Fn(Range<usize>, &mut dyn FnMut(&Layers<'_>)) + Sync,
+{
+    fn extract_uncompressed_block(&self, header: &Header, block: BlockIndex) -> Vec<u8> {
+        let first = block.pixel_position.y();
+        let mut bytes = Vec::new();
+        (self.0)(first..first + block.pixel_size.height(), &mut |layers| {
+            let lanes = layers.lanes();
+            bytes = UncompressedBlock::collect_block_data_from_lines(&header.channels, block, |line| {
+                let Vec2(x, y) = line.location.position;
+                let start = (y - first) * header.layer_size.width() + x;
+                let values = &lanes[line.location.channel].values;
+                // The line is as long as it has to be: such a write cannot fail.
+                let _ = line.write_samples(|index| values.at(start + index));
+            });
+        });
+        bytes
     }
 }
 

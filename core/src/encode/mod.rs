@@ -10,9 +10,9 @@ mod statistics;
 mod view;
 
 pub use exr_read::{ExrImage, read_exr};
-pub use exr_write::{Layers, exr, write_exr};
+pub use exr_write::{Layers, exr, film_exr, write_exr};
 pub use heat::{false_color, heat_map};
-pub use png::{png, png_rgb8, rgb8};
+pub use png::{film_png, png, png_rgb8, rgb8};
 pub use statistics::{MAX_OBJECTS, object_statistics, statistics};
 pub use view::display;
 

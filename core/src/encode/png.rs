@@ -6,6 +6,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::EncodeError;
 use crate::color::View;
+use crate::film::{BLOCK, Film, Region};
 
 use super::exr_write::check_plane;
 use super::view::{Srgb8, display};
@@ -22,19 +23,44 @@ pub fn png(
     exposure: f32,
     view: View,
 ) -> Result<Vec<u8>, EncodeError> {
-    if !(-64.0..=64.0).contains(&exposure) {
-        return Err(EncodeError::Exposure { found: exposure });
-    }
+    let gain = gain(exposure)?;
     check_plane("color", color.len(), width, height)?;
-    let gain = libm::exp2f(exposure);
-    let light: Vec<Vec3> = color.iter().map(|&light| light * gain).collect();
-    png_rgb8(&rgb8(&light, view), width, height)
+    png_rgb8(&exposed(color, gain, view), width, height)
+}
+
+/// [`png`] of a film's window, resolved a band of rows at a time.
+///
+/// # Errors
+/// As [`png`].
+pub fn film_png(film: &Film, exposure: f32, view: View) -> Result<Vec<u8>, EncodeError> {
+    let (gain, window) = (gain(exposure)?, film.window());
+    let mut pixels = Vec::with_capacity(window.area());
+    for y0 in (window.y0..window.y1).step_by(BLOCK as usize) {
+        let rows = Region { y0, y1: (y0 + BLOCK).min(window.y1), ..window };
+        pixels.extend(exposed(&film.region(rows).color, gain, view));
+    }
+    png_rgb8(&pixels, window.width(), window.height())
+}
+
+fn gain(exposure: f32) -> Result<f32, EncodeError> {
+    if (-64.0..=64.0).contains(&exposure) {
+        Ok(libm::exp2f(exposure))
+    } else {
+        Err(EncodeError::Exposure { found: exposure })
+    }
 }
 
 /// Linear Rec.709 light as 8-bit sRGB through the view.
 pub fn rgb8(color: &[Vec3], view: View) -> Vec<[u8; 3]> {
+    exposed(color, 1.0, view)
+}
+
+fn exposed(color: &[Vec3], gain: f32, view: View) -> Vec<[u8; 3]> {
     let curve = Srgb8::new();
-    color.iter().map(|&light| display(light, view).to_array().map(|value| curve.encode(value))).collect()
+    color
+        .iter()
+        .map(|&light| display(light * gain, view).to_array().map(|value| curve.encode(value)))
+        .collect()
 }
 
 /// Encodes 8-bit sRGB pixels, row-major, as a PNG.

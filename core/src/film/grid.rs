@@ -99,7 +99,13 @@ impl TileGrid {
 
     /// Blocks of a tile in increasing order.
     pub fn tile_blocks(&self, tile: u32) -> impl Iterator<Item = u32> + use<> {
-        let region = self.tile_region(tile);
+        self.blocks_of(self.tile_region(tile))
+    }
+
+    /// Blocks that a region touches, in increasing order; the region is clipped to the window.
+    pub fn blocks_of(&self, region: Region) -> impl Iterator<Item = u32> + use<> {
+        let region = region.intersection(&self.window);
+        let region = if region.area() > 0 { region } else { Region { x0: 0, y0: 0, x1: 0, y1: 0 } };
         let blocks = Cells::new(self.window, BLOCK);
         let columns = region.x0 / BLOCK..region.x1.div_ceil(BLOCK);
         (region.y0 / BLOCK..region.y1.div_ceil(BLOCK))

@@ -259,12 +259,10 @@ impl Film {
             error: vec![f32::INFINITY; n],
             evaluations: if self.objects.is_empty() { Vec::new() } else { vec![0.0; n] },
         };
-        for block in 0..self.grid.block_count() {
+        for block in self.grid.blocks_of(window) {
             let of_block = self.grid.block_region(block);
             let part = of_block.intersection(&window);
-            if part.area() > 0 {
-                self.resolve_block(block as usize, of_block, part, &mut picture);
-            }
+            self.resolve_block(block as usize, of_block, part, &mut picture);
         }
         picture
     }
