@@ -208,7 +208,7 @@ fn sample_light(
         None | Some(Side::Near) => (Decision::LightChoice(bounce), Decision::LightPoint(bounce)),
         Some(Side::Infinite) => (Decision::InfiniteChoice(bounce), Decision::InfinitePoint(bounce)),
     };
-    let u = sampler.get_1d(which);
+    let u = if scene.lights().is_alone() { 0.0 } else { sampler.get_1d(which) };
     let (light, choice) = match side {
         None => scene.choose_light(&receiver, u)?,
         Some(side) => scene.lights().choose_of(side, &receiver, u)?,

@@ -68,6 +68,12 @@ impl Lights {
         &self.all
     }
 
+    /// Whether there is nothing to choose: one light only, at a finite distance and not black.
+    #[inline]
+    pub fn is_alone(&self) -> bool {
+        self.is_alone
+    }
+
     /// Chooses a light for a receiver by `u` in [0, 1): its number and the probability of the choice. `None` where no
     /// light would bring anything; a bright one that is alone at a finite distance is always chosen.
     pub fn choose(&self, from: &Receiver, u: f32) -> Option<(usize, f32)> {

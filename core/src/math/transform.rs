@@ -81,6 +81,11 @@ impl Transform {
     /// A normal, local to world, normalised, on the same side of the surface.
     #[inline]
     pub fn normal(&self, n: Vec3) -> Vec3 {
+        let length2 = n.length_squared();
+        // Squares of ordinary length neither overflow nor lose digits.
+        if self.identity && (1e-20..1e20).contains(&length2) {
+            return n / length2.sqrt();
+        }
         let n = n.as_dvec3();
         (if self.identity { n } else { self.normal * n }).normalize_or_zero().as_vec3()
     }

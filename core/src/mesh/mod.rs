@@ -36,9 +36,15 @@ impl Mesh {
         let corners = self.triangles[triangle].map(|i| i as usize);
         let [p0, p1, p2] = corners.map(|i| self.positions[i]);
         let [n0, n1, n2] = corners.map(|i| self.normals[i]);
-        // Not by the sign bit: normals of length 0 say nothing, and their product may be −0.
-        if (p1 - p0).cross(p2 - p0).dot(n0 + n1 + n2) < 0.0 { -1.0 } else { 1.0 }
+        side((p1 - p0).cross(p2 - p0), [n0, n1, n2])
     }
+}
+
+/// [`Mesh::side`] of a triangle with the normal that its winding tells, of any length, and the normals of its vertices.
+#[inline]
+pub fn side(winding: Vec3, [n0, n1, n2]: [Vec3; 3]) -> f32 {
+    // Not by the sign bit: normals of length 0 say nothing, and their product may be −0.
+    if winding.dot(n0 + n1 + n2) < 0.0 { -1.0 } else { 1.0 }
 }
 
 /// What is wrong with a mesh file, in words: where (a line, an offset, a vertex), what was found, what is allowed.

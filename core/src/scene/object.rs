@@ -5,7 +5,7 @@ use super::tally::Tally;
 use crate::bvh::triangle::TriangleBvh;
 use crate::bvh::{BuildError, Cast};
 use crate::math::{Aabb, Ray, Transform, acos, atan2, even_error, gamma};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, side};
 use crate::sdf::{MarchStats, Sdf, SdfRay, Traps};
 use crate::texture::Place;
 use glam::{Vec2, Vec3, Vec3Swizzles as _};
@@ -359,13 +359,15 @@ fn mesh_surface(mesh: &Mesh, transform: &Transform, flat: bool, hit: &Hit) -> Su
     let local_error = blend([p0.abs(), p1.abs(), p2.abs()]) * gamma(8);
     let moved = p.abs() + transform.shift().abs();
     let error = even_error(transform.error(local_error) + moved * gamma(2));
-    let side = if flat { 1.0 } else { mesh.side(hit.primitive as usize) };
-    let ng = transform.normal((p1 - p0).cross(p2 - p0)) * side;
-    let ns = if flat || mesh.normals.is_empty() {
-        ng
+    let winding = (p1 - p0).cross(p2 - p0);
+    let (ng, ns) = if flat || mesh.normals.is_empty() {
+        let ng = transform.normal(winding);
+        (ng, ng)
     } else {
-        let n = transform.normal(blend(corners.map(|i| mesh.normals[i])));
-        if n == Vec3::ZERO { ng } else { n * 1.0_f32.copysign(n.dot(ng)) }
+        let normals = corners.map(|i| mesh.normals[i]);
+        let ng = transform.normal(winding) * side(winding, normals);
+        let n = transform.normal(blend(normals));
+        (ng, if n == Vec3::ZERO { ng } else { n * 1.0_f32.copysign(n.dot(ng)) })
     };
     let uv = if mesh.uvs.is_empty() {
         Vec2::new(b, c)
