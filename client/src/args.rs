@@ -113,6 +113,9 @@ pub(crate) struct SettingsArgs {
     /// Sample adaptively until the estimated relative error of the frame (root of relMSE) is at most this.
     #[arg(long, value_name = "E", value_parser = positive)]
     pub(crate) target_error: Option<f64>,
+    /// With a target error: which picture has to reach it; `denoised` needs --denoise.
+    #[arg(long, value_name = "WHICH")]
+    pub(crate) error_of: Option<ErrorOfArg>,
     /// With a target error: no pixel gets fewer samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 31))]
     pub(crate) min_spp: Option<u32>,
@@ -139,7 +142,7 @@ impl SettingsArgs {
         Overrides {
             spp: self.spp,
             target_error: self.target_error,
-            error_of: None,
+            error_of: self.error_of.map(Into::into),
             min_spp: self.min_spp,
             max_spp: self.max_spp,
             time_limit: self.time_limit,
@@ -216,9 +219,6 @@ pub(crate) struct RenderArgs {
     /// Print how long each stage of rendering took.
     #[arg(long)]
     pub(crate) profile: bool,
-    /// Which picture has to reach the target error, instead of what the scene says; `denoised` needs --denoise.
-    #[arg(long, value_name = "WHICH")]
-    pub(crate) error_of: Option<ErrorOfArg>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     #[command(flatten)]

@@ -54,11 +54,18 @@ fn frame_json(frame: &Frame) -> Value {
         "rounds_finished": frame.rounds_finished,
         "spp": frame.spp,
         "rel_mse": frame.rel_mse,
-        "rel_mse_ci95": if frame.rel_mse_ci95.is_empty() { Value::Null } else { json!(frame.rel_mse_ci95) },
+        "rel_mse_ci95": pair(&frame.rel_mse_ci95),
+        "denoised_rel_mse": frame.denoised_rel_mse,
+        "denoised_rel_mse_ci95": pair(&frame.denoised_rel_mse_ci95),
         "render_seconds": frame.render_seconds,
         "error": frame.error.as_ref().map(|error| error.message.as_str()),
         "statistics": frame.statistics.as_ref().map(statistics_json),
     })
+}
+
+/// An interval; `null` where there is none.
+fn pair(ends: &[f64]) -> Value {
+    if ends.is_empty() { Value::Null } else { json!(ends) }
 }
 
 fn round_json(round: &RoundFinished) -> Value {

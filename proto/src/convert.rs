@@ -1,7 +1,7 @@
 //! The only file that names both wire and core types: translation, and validation of untrusted fields.
 
 use karst_core::film::{Counters, FrameSize, FrameSummary, Region};
-use karst_core::scene::{Overrides, Problems};
+use karst_core::scene::{ErrorOf, Overrides, Problems};
 use tonic::Status;
 
 use crate::errors::{ErrorReason, Violation, bad_request_of};
@@ -148,8 +148,11 @@ pub fn settings_from_wire(settings: &v1::RenderSettings) -> Result<Overrides, Ve
     found.or(Overrides {
         spp: settings.spp,
         target_error: settings.target_error,
-        // Servers judge the noisy picture only.
-        error_of: None,
+        error_of: match settings.error_of() {
+            v1::ErrorOf::Unspecified => None,
+            v1::ErrorOf::Noisy => Some(ErrorOf::Noisy),
+            v1::ErrorOf::Denoised => Some(ErrorOf::Denoised),
+        },
         min_spp: settings.min_spp,
         max_spp: settings.max_spp,
         time_limit: settings.time_limit_seconds,
@@ -170,6 +173,12 @@ pub fn settings_to_wire(overrides: &Overrides) -> v1::RenderSettings {
         seed: overrides.seed,
         size: overrides.size.map(|(width, height)| v1::Size { width, height }),
         crop: overrides.crop.as_ref().map(region_to_wire),
+        error_of: match overrides.error_of {
+            None => v1::ErrorOf::Unspecified,
+            Some(ErrorOf::Noisy) => v1::ErrorOf::Noisy,
+            Some(ErrorOf::Denoised) => v1::ErrorOf::Denoised,
+        }
+        .into(),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Round trips and refusals of the translation.
 
 use karst_core::film::Region;
-use karst_core::scene::{Overrides, Problem, Problems};
+use karst_core::scene::{ErrorOf, Overrides, Problem, Problems};
 
 use super::{
     from_f16, job_from_wire, problems_to_status, rgb_f16, rgb_f32, settings_from_wire, settings_to_wire,
@@ -47,7 +47,7 @@ fn settings_survive_the_round_trip() {
     let adaptive = Overrides {
         spp: None,
         target_error: Some(0.05),
-        error_of: None,
+        error_of: Some(ErrorOf::Denoised),
         min_spp: Some(8),
         max_spp: Some(512),
         time_limit: Some(1.5),

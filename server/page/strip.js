@@ -74,6 +74,7 @@ function describe(frame) {
   const parts = [`frame ${frame.frame}`, stateWord(frame.state)];
   if (frame.spp > 0) parts.push(`${spp(frame.spp)} spp`);
   if (frame.rel_mse !== null && frame.rel_mse !== undefined) parts.push(`error ${errorPercent(frame.rel_mse)}`);
+  if (Number.isFinite(frame.denoised_rel_mse)) parts.push(`denoised ${errorPercent(frame.denoised_rel_mse)}`);
   if (frame.seconds > 0) parts.push(duration(frame.seconds));
   if (frame.error) parts.push(frame.error);
   return parts.join(', ');

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::model::{
-    Failure, Frame, FrameFile, FrameState, Job, JobState, Record, RoundReport, Statistics, Time,
+    Failure, Finished, Frame, FrameState, Job, JobState, Record, RoundReport, Statistics, Time,
 };
 
 /// What happens to a job.
@@ -19,8 +19,8 @@ pub enum Event {
     RoundFinished(i32, RoundReport),
     /// No further round.
     FrameRendered(i32),
-    /// The files are stored; a failure says why a denoised one is missing.
-    FrameFinished(i32, Vec<FrameFile>, Option<Failure>, Time),
+    /// The files are stored.
+    FrameFinished(i32, Finished, Time),
     /// The frame cannot be finished.
     FrameFailed(i32, Failure, Time),
     /// Somebody wants no more of it.
@@ -78,10 +78,11 @@ impl JobRun {
             Event::FrameRendered(frame) => {
                 self.change(frame, FrameState::Finishing, &mut effects, |_| {});
             }
-            Event::FrameFinished(frame, files, failure, at) => {
+            Event::FrameFinished(frame, finished, at) => {
                 self.change(frame, FrameState::Finished, &mut effects, |f| {
-                    f.files = files;
-                    f.failure = failure;
+                    f.files = finished.files;
+                    f.denoised = finished.denoised;
+                    f.failure = finished.failure;
                 });
                 self.job.frames_finished += 1;
                 self.settle(at, &mut effects);

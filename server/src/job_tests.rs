@@ -2,7 +2,9 @@
 
 use super::{Effect, Event, JobRun};
 use crate::digest::Digest;
-use crate::model::{Cause, Failure, Frame, FrameState, Job, JobState, Record, RoundReport, Statistics};
+use crate::model::{
+    Cause, Failure, Finished, Frame, FrameState, Job, JobState, Record, RoundReport, Statistics,
+};
 use crate::spec::{Denoise, JobSpec, Settings};
 use proptest::prelude::{Strategy, any, prop, prop_assert, prop_assert_eq, prop_oneof, proptest};
 
@@ -45,7 +47,7 @@ fn events() -> impl Strategy<Value = Event> {
         4 => (frame.clone(), 0..3_u32, any::<u16>())
             .prop_map(|(f, r, s)| Event::RoundFinished(f, report(r, s.into()))),
         4 => frame.clone().prop_map(Event::FrameRendered),
-        4 => frame.clone().prop_map(|f| Event::FrameFinished(f, Vec::new(), None, 2)),
+        4 => frame.clone().prop_map(|f| Event::FrameFinished(f, Finished::default(), 2)),
         1 => frame.prop_map(|f| Event::FrameFailed(f, failure(), 3)),
         1 => prop::strategy::Just(Event::Cancelled(4)),
     ]
@@ -94,7 +96,7 @@ fn a_frame_goes_through_its_states() {
     run.step(Event::RoundFinished(1, report(0, 10))).unwrap();
     assert_eq!((run.frames[&1].rounds, run.job.statistics.samples), (1, 10));
     run.step(Event::FrameRendered(1)).unwrap();
-    run.step(Event::FrameFinished(1, Vec::new(), None, 9)).unwrap();
+    run.step(Event::FrameFinished(1, Finished::default(), 9)).unwrap();
     assert_eq!((run.job.state, run.job.frames_finished), (JobState::Succeeded, 1));
     assert!(run.step(Event::Cancelled(10)).is_err(), "final");
 }
@@ -107,7 +109,7 @@ fn a_failed_frame_fails_the_job_but_not_the_other_frames() {
     assert_eq!(run.job.state, JobState::Queued);
     run.step(Event::FrameBegan(2, 2)).unwrap();
     run.step(Event::FrameRendered(2)).unwrap();
-    run.step(Event::FrameFinished(2, Vec::new(), None, 3)).unwrap();
+    run.step(Event::FrameFinished(2, Finished::default(), 3)).unwrap();
     assert_eq!(run.job.state, JobState::Failed);
     assert_eq!(run.job.failure.as_ref().map(|f| f.message.as_str()), Some("frame 1: tile 3"));
     assert_eq!(run.frames[&2].state, FrameState::Finished);

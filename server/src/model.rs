@@ -167,6 +167,29 @@ pub struct Frame {
     pub files: Vec<FrameFile>,
     /// What it cost up to the last finished round.
     pub statistics: Statistics,
+    /// Error of its denoised picture, once it is finished.
+    #[serde(default)]
+    pub denoised: Option<DenoisedError>,
+}
+
+/// The estimated relMSE of a denoised picture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DenoisedError {
+    /// The estimate.
+    pub rel_mse: f64,
+    /// Bounds of it with 95 % confidence.
+    pub ci95: [f64; 2],
+}
+
+/// What finishing a frame made of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Finished {
+    /// Its files.
+    pub files: Vec<FrameFile>,
+    /// Error of the denoised picture, where there is one and it is known.
+    pub denoised: Option<DenoisedError>,
+    /// Why the denoised picture is missing.
+    pub failure: Option<Failure>,
 }
 
 impl Frame {
@@ -183,6 +206,7 @@ impl Frame {
             failure: None,
             files: Vec::new(),
             statistics: Statistics::default(),
+            denoised: None,
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use karst_core::film::Region;
-use karst_core::scene::Overrides;
+use karst_core::scene::{ErrorOf, Overrides};
 use serde::{Deserialize, Serialize};
 
 use crate::digest::Digest;
@@ -66,6 +66,33 @@ pub enum Denoise {
     Full,
 }
 
+/// Which picture a target error is meant for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Judged {
+    /// The picture as it is rendered.
+    Noisy,
+    /// The denoised picture.
+    Denoised,
+}
+
+impl From<Judged> for ErrorOf {
+    fn from(judged: Judged) -> Self {
+        match judged {
+            Judged::Noisy => Self::Noisy,
+            Judged::Denoised => Self::Denoised,
+        }
+    }
+}
+
+impl From<ErrorOf> for Judged {
+    fn from(of: ErrorOf) -> Self {
+        match of {
+            ErrorOf::Noisy => Self::Noisy,
+            ErrorOf::Denoised => Self::Denoised,
+        }
+    }
+}
+
 /// Changes to the document's film and sampling; unset fields keep what it says.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -74,6 +101,8 @@ pub struct Settings {
     pub spp: Option<u32>,
     /// Square root of relMSE to reach.
     pub target_error: Option<f64>,
+    /// Which picture has to reach it.
+    pub error_of: Option<Judged>,
     /// No pixel gets fewer samples.
     pub min_spp: Option<u32>,
     /// No pixel gets more samples.
@@ -94,7 +123,7 @@ impl Settings {
         Overrides {
             spp: self.spp,
             target_error: self.target_error,
-            error_of: None,
+            error_of: self.error_of.map(Into::into),
             min_spp: self.min_spp,
             max_spp: self.max_spp,
             time_limit: self.time_limit,

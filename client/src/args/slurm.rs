@@ -58,7 +58,8 @@ impl ShotArgs {
             "--output".into(),
             std::path::absolute(output)?.into_os_string(),
         ];
-        let SettingsArgs { spp, target_error, min_spp, max_spp, time_limit, seed, size, crop } = settings;
+        let SettingsArgs { spp, target_error, error_of, min_spp, max_spp, time_limit, seed, size, crop } =
+            settings;
         let WorkArgs { tile_size, denoise } = work;
         let mut flag = |name: &str, value: Option<String>| {
             line.extend(value.map(|value| OsString::from(format!("--{name}={value}"))));
@@ -67,6 +68,8 @@ impl ShotArgs {
         let real = |number: &Option<f64>| number.map(|number| number.to_string());
         flag("spp", text(spp));
         flag("target-error", real(target_error));
+        let error_of = error_of.and_then(|of| of.to_possible_value());
+        flag("error-of", error_of.map(|value| value.get_name().to_owned()));
         flag("min-spp", text(min_spp));
         flag("max-spp", text(max_spp));
         flag("time-limit", real(time_limit));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use karst_client::Error;
-use karst_core::encode::{film_exr, film_png, object_statistics, png, statistics};
+use karst_core::encode::{film_exr, film_png, png};
 use karst_core::film::{CrossError, Film, Picture, cross_error};
 use karst_core::math::powf;
 use karst_core::scene::Scene;
@@ -21,7 +21,6 @@ pub(super) struct Pictures<'a> {
     scene: &'a Scene,
     film: &'a Film,
     denoised: Option<Vec<Vec3>>,
-    statistics: Value,
 }
 
 impl<'a> Pictures<'a> {
@@ -29,7 +28,6 @@ impl<'a> Pictures<'a> {
     pub(super) fn new(
         film: &'a Film,
         scene: &'a Scene,
-        frame: i32,
         denoise: DenoiseArg,
         threads: usize,
     ) -> Result<Self, Error> {
@@ -38,9 +36,7 @@ impl<'a> Pictures<'a> {
             denoised_colors(&noisy.color, &noisy, mode, threads)
         };
         let denoised = mode_of(denoise).map(smooth).transpose()?;
-        let objects = object_statistics(scene.function_names(), film.objects());
-        let statistics = statistics(frame, scene.sampling().seed, &film.summary(), &objects);
-        Ok(Self { scene, film, denoised, statistics })
+        Ok(Self { scene, film, denoised })
     }
 
     /// The denoised picture where there is one, with the layers of the noisy one.
@@ -52,11 +48,11 @@ impl<'a> Pictures<'a> {
         picture
     }
 
-    /// Writes `path`, and for a PNG the denoised picture beside it; returns what was written.
-    pub(super) fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    /// Writes `path`, an EXR with the statistics, and for a PNG the denoised picture beside it; returns what was written.
+    pub(super) fn write(&self, path: &Path, statistics: &Value) -> Result<Vec<PathBuf>, Error> {
         if path.extension().is_some_and(|ending| ending == "exr") {
             let mut file = BufWriter::new(File::create(path).map_err(|source| Error::file(path, source))?);
-            film_exr(self.film, self.denoised.as_deref(), &self.statistics, &mut file)
+            film_exr(self.film, self.denoised.as_deref(), statistics, &mut file)
                 .map_err(|error| encode_error(path, &error))?;
             file.flush().map_err(|source| Error::file(path, source))?;
             return Ok(vec![path.to_owned()]);

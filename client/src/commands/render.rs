@@ -5,11 +5,11 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
 use karst_client::{Error, OpenScene, open_scene, scene_error};
-use karst_core::encode::object_statistics;
-use karst_core::film::{Film, FrameSummary};
+use karst_core::encode::{object_statistics, statistics};
+use karst_core::film::{CrossError, Film, FrameSummary};
 use karst_core::integrator::StageObserver;
 use karst_core::render::{FrameObserver, Progress, render_frame};
-use karst_core::scene::{Assets, Document, ErrorOf, Goal, Limits, Overrides, Scene};
+use karst_core::scene::{Assets, Document, ErrorOf, Goal, Limits, Scene};
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 
@@ -147,19 +147,19 @@ impl Job<'_> {
         report.rendered_in(rendered - built);
         report.profile = profile.to_json();
         report.rounds = rounds;
-        let pictures = Pictures::new(&film, &scene, frame, self.args.work.denoise, threads)?;
+        let denoise = self.args.work.denoise;
+        let pictures = Pictures::new(&film, &scene, denoise, threads)?;
         let denoised = wall.seconds();
-        if !self.args.report.is_empty()
-            && let Some(error) = denoised_error(&film, &scene, self.args.work.denoise, threads)?
-        {
-            report.denoised_rel_mse = Some(error.rel_mse.max(0.0));
-            report.denoised_rel_mse_ci95 = Some(error.ci95.map(|end| end.max(0.0)));
-        }
+        let error = denoised_error(&film, &scene, denoise, threads)?.map(CrossError::at_least_zero);
+        report.denoised_rel_mse = error.map(|error| error.rel_mse);
+        report.denoised_rel_mse_ci95 = error.map(|error| error.ci95);
+        let seed = scene.sampling().seed;
+        let statistics = statistics(frame, seed, &summary, error.as_ref(), &report.objects);
         let judged = wall.seconds();
         let paths = self.args.output.iter().map(|path| of_frame(path, frame, self.args.frames.is_some()));
         let mut files = Vec::new();
         for path in paths {
-            files.extend(pictures.write(&path)?);
+            files.extend(pictures.write(&path, &statistics)?);
         }
         report.wall_seconds = wall.seconds();
         report.stages = [
@@ -186,9 +186,9 @@ impl Job<'_> {
 
     fn build(&self, frame: i32) -> Result<Scene, Error> {
         let mut description = self.document.at(frame).map_err(|problems| scene_error(&problems))?;
-        let overrides =
-            Overrides { error_of: self.args.error_of.map(Into::into), ..self.args.settings.overrides() };
-        description.apply(&overrides, &self.limits).map_err(|problems| scene_error(&problems))?;
+        description
+            .apply(&self.args.settings.overrides(), &self.limits)
+            .map_err(|problems| scene_error(&problems))?;
         let is_denoised = matches!(description.sampling.goal, Goal::Error { of: ErrorOf::Denoised, .. });
         if is_denoised && self.args.work.denoise == DenoiseArg::Off {
             let text = "the denoised picture has to reach the target error (error_of), but nothing is denoised: add --denoise full";

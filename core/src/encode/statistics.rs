@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::film::FrameSummary;
+use crate::film::{CrossError, FrameSummary};
 use crate::sdf::MarchStats;
 
 /// Most objects that statistics name.
@@ -30,8 +30,15 @@ pub fn object_statistics(names: &[String], counts: &[MarchStats]) -> Value {
 
 /// The statistics that karst writes into an EXR: no times and no machine, so that equal pixels make equal files.
 ///
-/// Errors that are not known are `null`; `rel_mse` is the estimated relMSE of the picture as it is.
-pub fn statistics(frame: i32, seed: u32, summary: &FrameSummary, objects: &Value) -> Value {
+/// Errors that are not known are `null`; `rel_mse` is the estimated relMSE of the picture as it is, `denoised_rel_mse` that of
+/// the denoised one.
+pub fn statistics(
+    frame: i32,
+    seed: u32,
+    summary: &FrameSummary,
+    denoised: Option<&CrossError>,
+    objects: &Value,
+) -> Value {
     let counters = &summary.counters;
     json!({
         "frame": frame,
@@ -48,6 +55,8 @@ pub fn statistics(frame: i32, seed: u32, summary: &FrameSummary, objects: &Value
         "objects": objects,
         "rel_mse": summary.rel_mse,
         "rel_mse_ci95": summary.rel_mse_ci95,
+        "denoised_rel_mse": denoised.map(|error| error.rel_mse),
+        "denoised_rel_mse_ci95": denoised.map(|error| error.ci95),
     })
 }
 

@@ -15,6 +15,14 @@ pub struct CrossError {
     pub ci95: [f64; 2],
 }
 
+impl CrossError {
+    /// What is told to people: no error is negative.
+    #[must_use]
+    pub fn at_least_zero(self) -> Self {
+        Self { rel_mse: self.rel_mse.max(0.0), ci95: self.ci95.map(|end| end.max(0.0)) }
+    }
+}
+
 /// The error of a denoised picture from its replicates `noisy` and from each of them `denoised` by itself, row by row;
 /// `scale` is 2 to the power of the exposure that relative errors are judged at. `None` without a pixel.
 ///

@@ -1,5 +1,6 @@
 //! Owns the compiled scene of one frame: immutable, shared by all threads, asked by rays.
 
+use super::PLAIN;
 use super::document::Sampling;
 use super::material::Material;
 use super::media::{Interiors, Media, Stretch};
@@ -139,7 +140,7 @@ impl Scene {
 
     /// Whether lights at a finite distance and lights at infinity are sampled side by side ([`Lights::choose_of`]).
     pub(crate) fn has_sides(&self) -> bool {
-        self.sides && self.strategy == Strategy::Both
+        !PLAIN && self.sides && self.strategy == Strategy::Both
     }
 
     /// Probability with which [`Scene::choose_light`] takes a light, or with sides [`Lights::choose_of`].
@@ -160,7 +161,7 @@ impl Scene {
 
     /// Whether some surface is there in part only: then shadow rays ask for [`Scene::transmittance`].
     pub fn has_holes(&self) -> bool {
-        self.has_holes
+        !PLAIN && self.has_holes
     }
 
     /// The objects made of distance functions, in the order of the document.
@@ -170,7 +171,7 @@ impl Scene {
 
     /// Number of objects made of distance functions.
     pub fn function_count(&self) -> usize {
-        self.function_names.len()
+        if PLAIN { 0 } else { self.function_names.len() }
     }
 
     /// Their names, in the order of the document.
@@ -275,7 +276,7 @@ impl Scene {
 
     /// Whether something fills space.
     pub fn has_media(&self) -> bool {
-        self.media.is_some()
+        !PLAIN && self.media.is_some()
     }
 
     /// Inside of what the camera is.

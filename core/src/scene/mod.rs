@@ -1,5 +1,9 @@
 //! Owns the scene: the document a person writes and the form that rays meet.
 
+/// Whether this build renders plain scenes only, those of meshes, spheres and lamps: what others need is not there, so that a
+/// bench can tell what it costs those who do not use it.
+const PLAIN: bool = cfg!(karst_plain);
+
 mod albedo;
 mod assets;
 mod batch;

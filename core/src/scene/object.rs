@@ -1,5 +1,6 @@
 //! Owns the objects of a compiled scene: what a ray meets, and the surface at a hit.
 
+use super::PLAIN;
 use super::media::Interior;
 use super::tally::Tally;
 use crate::bvh::triangle::TriangleBvh;
@@ -206,7 +207,7 @@ impl Object {
 
     /// Whether rays are marched to it, which is done for many at a time.
     pub(super) fn is_marched(&self) -> bool {
-        self.distance_function().is_some_and(|sdf| !sdf.is_closed())
+        !PLAIN && self.distance_function().is_some_and(|sdf| !sdf.is_closed())
     }
 
     /// The hits of many rays with a distance function: `ended` gets the name of a ray, its `t` if it hit, and the

@@ -4,17 +4,14 @@
 use std::sync::Arc;
 
 use karst_core::encode;
-use karst_core::film::Picture;
-use karst_denoise::{Denoiser, Input, Mode};
+use karst_core::film::CrossError;
 
 use crate::blobs::{Blobs, Kind};
 use crate::error::Error;
+use crate::farm::judge::{Halves, denoised_picture};
 use crate::farm::live::LiveFrame;
-use crate::model::{Cause, Failure, Format, FrameFile};
+use crate::model::{Cause, DenoisedError, Failure, Finished, Format, FrameFile};
 use crate::spec::Denoise;
-
-/// A frame's files, and why the denoised ones are missing if they are.
-pub(crate) type Finished = (Vec<FrameFile>, Option<Failure>);
 
 /// Makes and stores the files of a frame.
 ///
@@ -27,33 +24,42 @@ pub(crate) async fn finish(
     denoise: Denoise,
     blobs: &Blobs,
 ) -> Result<Finished, Error> {
-    let (encoded, failure) = tokio::task::spawn_blocking(move || encode_all(&frame, denoise)).await??;
-    let mut files = Vec::with_capacity(encoded.len());
-    for (format, bytes) in encoded {
+    let encoded = tokio::task::spawn_blocking(move || encode_all(&frame, denoise)).await??;
+    let mut files = Vec::with_capacity(encoded.files.len());
+    for (format, bytes) in encoded.files {
         let size = bytes.len() as u64;
         files.push(FrameFile { format, size, digest: blobs.put(Kind::Frame, bytes).await? });
     }
-    Ok((files, failure))
+    Ok(Finished { files, denoised: encoded.denoised, failure: encoded.failure })
 }
 
-type Encoded = (Vec<(Format, Vec<u8>)>, Option<Failure>);
+struct Encoded {
+    files: Vec<(Format, Vec<u8>)>,
+    denoised: Option<DenoisedError>,
+    failure: Option<Failure>,
+}
 
 fn encode_all(frame: &LiveFrame, denoise: Denoise) -> Result<Encoded, Error> {
-    let (picture, statistics) = {
-        let merged = frame.merged();
-        let objects = encode::object_statistics(frame.scene.function_names(), merged.film.objects());
-        let seed = frame.scene.sampling().seed;
-        (merged.film.picture(), encode::statistics(frame.frame, seed, &merged.film.summary(), &objects))
+    let scene = &frame.scene;
+    let (picture, halves, summary, objects) = {
+        let film = &frame.merged().film;
+        let halves = if denoise == Denoise::Off { None } else { Halves::of(film, scene) };
+        let objects = encode::object_statistics(scene.function_names(), film.objects());
+        (film.picture(), halves, film.summary(), objects)
     };
-    let (smooth, failure) = match denoise_picture(&picture, denoise) {
+    let smooth = denoised_picture(&picture, denoise)
+        .and_then(|smooth| Ok((smooth, halves.map(|halves| halves.error(denoise)).transpose()?.flatten())));
+    let ((smooth, error), failure) = match smooth {
         Ok(smooth) => (smooth, None),
         Err(e) => {
             tracing::warn!(job = %frame.job, frame = frame.frame, "not denoised: {e}");
-            (None, Some(Failure::new(Cause::Denoiser, format!("not denoised: {e}"))))
+            ((None, None), Some(Failure::new(Cause::Denoiser, format!("not denoised: {e}"))))
         }
     };
+    let error = error.map(CrossError::at_least_zero);
+    let statistics =
+        encode::statistics(frame.frame, scene.sampling().seed, &summary, error.as_ref(), &objects);
     let (width, height) = (picture.window.width(), picture.window.height());
-    let scene = &frame.scene;
     let internal = |e: encode::EncodeError| Error::Internal(e.to_string());
     let png = |color| encode::png(color, width, height, scene.exposure(), scene.view()).map_err(internal);
     let exr = encode::exr(&picture, smooth.as_deref(), &statistics).map_err(internal)?;
@@ -61,27 +67,6 @@ fn encode_all(frame: &LiveFrame, denoise: Denoise) -> Result<Encoded, Error> {
     if let Some(smooth) = &smooth {
         files.push((Format::PngDenoised, png(smooth)?));
     }
-    Ok((files, failure))
-}
-
-fn denoise_picture(
-    picture: &Picture,
-    denoise: Denoise,
-) -> Result<Option<Vec<glam::Vec3>>, karst_denoise::DenoiseError> {
-    let mode = match denoise {
-        Denoise::Off => return Ok(None),
-        Denoise::Color => Mode::Color,
-        Denoise::Full => Mode::Full,
-    };
-    let plane = |layer: &[glam::Vec3]| layer.iter().map(glam::Vec3::to_array).collect::<Vec<_>>();
-    let (color, albedo, normal) = (plane(&picture.color), plane(&picture.albedo), plane(&picture.normal));
-    let input = Input {
-        width: picture.window.width(),
-        height: picture.window.height(),
-        color: &color,
-        albedo: &albedo,
-        normal: &normal,
-    };
-    let smooth = Denoiser::find()?.denoise(&input, mode)?;
-    Ok(Some(smooth.into_iter().map(glam::Vec3::from_array).collect()))
+    let denoised = error.map(|error| DenoisedError { rel_mse: error.rel_mse, ci95: error.ci95 });
+    Ok(Encoded { files, denoised, failure })
 }

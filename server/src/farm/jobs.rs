@@ -16,6 +16,7 @@ use crate::farm::spans::Times;
 use crate::job::JobRun;
 use crate::model::FrameState;
 use crate::past::Past;
+use crate::spec::Denoise;
 use crate::state::StoredJob;
 
 /// Where a frame stands; a frame without a stage waits for its turn or has ended.
@@ -133,6 +134,11 @@ impl LiveJobs {
 
     pub(crate) fn remove(&mut self, number: i64) {
         self.jobs.remove(&number);
+    }
+
+    /// Whether and how a job's frames are denoised.
+    pub(crate) fn denoise_of(&self, number: i64) -> Option<Denoise> {
+        self.jobs.get(&number).map(|job| job.run.job.spec.denoise)
     }
 
     pub(crate) fn get_mut(&mut self, number: i64) -> Option<&mut LiveJob> {

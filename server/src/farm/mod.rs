@@ -11,6 +11,7 @@ pub mod feed;
 mod finish;
 pub(crate) mod fleet;
 mod jobs;
+mod judge;
 pub(crate) mod ledger;
 pub mod live;
 pub(crate) mod prepare;
@@ -34,7 +35,6 @@ use crate::blobs::Blobs;
 use crate::clock;
 use crate::error::Error;
 use crate::farm::feed::Feeds;
-use crate::farm::finish::Finished;
 use crate::farm::fleet::Fleet;
 use crate::farm::jobs::LiveJob;
 use crate::farm::ledger::{Entry, NewFilm, Rows};
@@ -43,7 +43,7 @@ use crate::farm::prepare::{Context, Opened};
 use crate::farm::queue::{Queue, Task};
 use crate::films::Films;
 use crate::job::{Effect, Event as JobEvent};
-use crate::model::{Cause, Failure, Job};
+use crate::model::{Cause, Failure, Finished, Job};
 use crate::past::Trouble;
 use crate::preview::Hub;
 use crate::state::{Row, State, StoredJob};
@@ -188,8 +188,8 @@ impl Farm {
             Event::Settled(frame, wrong) => self.settled(frame, wrong).await,
             Event::Hopeless(frame, message) => self.hopeless(&frame, message).await,
             Event::Planned(frame, plan) => self.planned(frame, *plan).await,
-            Event::Finished(frame, Ok((files, failure))) => {
-                let event = JobEvent::FrameFinished(frame.frame, files, failure, clock::now());
+            Event::Finished(frame, Ok(finished)) => {
+                let event = JobEvent::FrameFinished(frame.frame, finished, clock::now());
                 self.step(frame.number, vec![event], None, None).await;
             }
             Event::Finished(frame, Err(e)) => self.fail(frame.number, frame.frame, failure(&e)).await,

@@ -16,12 +16,13 @@ use tokio::task::spawn_blocking;
 use crate::blobs::{Blobs, Kind};
 use crate::digest::Digest;
 use crate::error::Error;
+use crate::farm::judge::Halves;
 use crate::farm::ledger::unpack;
 use crate::farm::live::{LiveFrame, Merged, Vote};
 use crate::farm::queue::SERVER;
 use crate::films::read_film;
 use crate::past::Past;
-use crate::spec::{Frames, JobSpec};
+use crate::spec::{Denoise, Frames, JobSpec};
 use crate::state::{State, StoredRound};
 
 /// What problems call the document: the server does not know its file.
@@ -156,10 +157,10 @@ fn description(
 ) -> Result<Description, Error> {
     let mut description = document.at(frame).map_err(|p| scene_error(&p))?;
     description.apply(&spec.settings.overrides(), limits).map_err(|p| settings_error(&p))?;
-    if let Goal::Error { of: ErrorOf::Denoised, .. } = description.sampling.goal {
-        let text = "found error_of \"denoised\" in the scene's sampling; a server judges the noisy picture only: leave it out, \
-                    or render without a server (karst render)";
-        return Err(Error::Fields(vec![Violation::new("job.scene".to_owned(), text)]));
+    let is_judged_denoised = matches!(description.sampling.goal, Goal::Error { of: ErrorOf::Denoised, .. });
+    if is_judged_denoised && spec.denoise == Denoise::Off {
+        let text = "found no denoising, expected color or full: the denoised picture has to reach the target error (error_of)";
+        return Err(Error::Fields(vec![Violation::new("job.denoise".to_owned(), text)]));
     }
     Ok(description)
 }
@@ -173,14 +174,14 @@ fn description(
 pub(crate) async fn open(
     place: (i64, Arc<str>, i32),
     scene: Arc<Scene>,
-    tile_size: u32,
+    how: (u32, Denoise),
     stores: (&State, &Blobs),
 ) -> Result<Opened, Error> {
     let (state, blobs) = stores;
     let stored = state.round(&place.1, place.2).await?;
     let survived = read_stored(blobs, stored).await?;
     let past = state.past(&place.1, place.2, survived.rounds).await?;
-    let mut opened = spawn_blocking(move || restore(place, scene, tile_size, survived)).await?;
+    let mut opened = spawn_blocking(move || restore(place, scene, how, survived)).await?;
     opened.past = past;
     Ok(opened)
 }
@@ -222,13 +223,19 @@ pub(crate) async fn read_stored(blobs: &Blobs, stored: StoredRound) -> Result<Su
     Ok(survived)
 }
 
-fn restore(place: (i64, Arc<str>, i32), scene: Arc<Scene>, tile_size: u32, survived: Survived) -> Opened {
+fn restore(
+    place: (i64, Arc<str>, i32),
+    scene: Arc<Scene>,
+    (tile_size, denoise): (u32, Denoise),
+    survived: Survived,
+) -> Opened {
     let grid = TileGrid::new(scene.window(), tile_size);
     let (film, stored) = match survived.film {
         Some((film, digest)) => (film, Some(digest)),
         None => (Film::new(scene.size(), scene.window(), scene.exposure()), None),
     };
-    let round = next_round(scene.sampling(), &grid, &film, survived.rounds, &|_| None);
+    let judge = |film: &Film| Halves::of(film, &scene)?.verdict(denoise).of(film);
+    let round = next_round(scene.sampling(), &grid, &film, survived.rounds, &judge);
     let mut merged = Merged {
         film,
         rounds: vec![survived.rounds; grid.tile_count() as usize],

@@ -1,9 +1,10 @@
 //! Owns the way of a frame through the farm: made ready, begun, rendered round by round, finished.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use karst_core::film::{FrameSummary, Round};
+use karst_core::film::{Film, FrameSummary, Round};
 use karst_core::render::next_round;
 use karst_core::scene::Scene;
 use tokio::task::spawn_blocking;
@@ -12,6 +13,7 @@ use crate::clock;
 use crate::error::Error;
 use crate::farm::finish::finish;
 use crate::farm::jobs::{Begun, Rendering, Stage};
+use crate::farm::judge::Halves;
 use crate::farm::ledger::NewFilm;
 use crate::farm::live::LiveFrame;
 use crate::farm::prepare::{self, Context, Opened};
@@ -20,7 +22,7 @@ use crate::farm::{Event, Farm, Plan, Shared};
 use crate::job::Event as JobEvent;
 use crate::model::{FrameState, RoundReport, Statistics};
 use crate::past::Past;
-use crate::spec::JobSpec;
+use crate::spec::{Denoise, JobSpec};
 use crate::telemetry::traces::Taken;
 
 /// Frames that are rendered, finished or made ready at the same time: bounds the memory for films and scenes.
@@ -94,18 +96,10 @@ impl Farm {
     /// All results of a round are merged: evaluates it.
     pub(super) fn plan(&self, frame: Arc<LiveFrame>) {
         let Some(done) = self.jobs.round_of(&frame).map(|round| round + 1) else { return };
+        let Some(denoise) = self.jobs.denoise_of(frame.number) else { return };
         let events = self.events.clone();
         spawn_blocking(move || {
-            let plan = {
-                let merged = frame.merged();
-                Plan {
-                    round: merged.round,
-                    version: merged.version,
-                    summary: merged.film.summary(),
-                    next: next_round(frame.scene.sampling(), &frame.grid, &merged.film, done, &|_| None),
-                    film: merged.film.to_bytes().into(),
-                }
-            };
+            let plan = plan(&frame, done, denoise);
             let _ = events.send(Event::Planned(frame, Box::new(plan)));
         });
     }
@@ -156,6 +150,28 @@ impl Farm {
     }
 }
 
+/// The plan after `done` rounds. Blocks.
+///
+/// The film is not held while it is denoised, which takes seconds: if it is another one afterwards, the version says so.
+fn plan(frame: &LiveFrame, done: u32, denoise: Denoise) -> Plan {
+    let (scene, grid) = (&frame.scene, &frame.grid);
+    let (round, version, halves) = {
+        let merged = frame.merged();
+        let asked = Cell::new(false);
+        let ask = |_: &Film| {
+            asked.set(true);
+            None
+        };
+        next_round(scene.sampling(), grid, &merged.film, done, &ask);
+        let halves = if asked.get() { Halves::of(&merged.film, scene) } else { None };
+        (merged.round, merged.version, halves)
+    };
+    let verdict = halves.map(|halves| halves.verdict(denoise));
+    let film = &frame.merged().film;
+    let next = next_round(scene.sampling(), grid, film, done, &|film| verdict.as_ref()?.of(film));
+    Plan { round, version, summary: film.summary(), next, film: film.to_bytes().into() }
+}
+
 async fn open(
     shared: &Shared,
     place: (i64, Arc<str>, i32),
@@ -163,7 +179,7 @@ async fn open(
     spec: JobSpec,
 ) -> Result<(Arc<Context>, Opened), Error> {
     let (context, scene) = known;
-    let tile_size = spec.tile_size;
+    let how = (spec.tile_size, spec.denoise);
     let context = match context {
         Some(context) => context,
         None => Arc::new(prepare::load(&shared.blobs, &shared.limits, spec).await?),
@@ -174,7 +190,7 @@ async fn open(
         let (context, limits, frame) = (Arc::clone(&context), shared.limits.clone(), place.2);
         Arc::new(spawn_blocking(move || prepare::build(&context, &limits, frame)).await??)
     };
-    let opened = prepare::open(place, scene, tile_size, (&shared.state, &shared.blobs)).await?;
+    let opened = prepare::open(place, scene, how, (&shared.state, &shared.blobs)).await?;
     Ok((context, opened))
 }
 

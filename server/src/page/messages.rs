@@ -123,6 +123,7 @@ pub(super) struct FrameLine<'a> {
     rounds: u32,
     spp: f64,
     rel_mse: Option<f64>,
+    denoised_rel_mse: Option<f64>,
     seconds: f64,
     error: Option<&'a str>,
 }
@@ -135,6 +136,7 @@ impl<'a> FrameLine<'a> {
             rounds: frame.rounds,
             spp: frame.spp,
             rel_mse: frame.rel_mse,
+            denoised_rel_mse: frame.denoised.map(|error| error.rel_mse),
             seconds: frame.seconds,
             error: frame.failure.as_ref().map(|failure| failure.message.as_str()),
         }

@@ -46,6 +46,7 @@ pub(crate) fn spec(job: Option<&v1::JobSpec>) -> Result<JobSpec, Error> {
         settings: Settings {
             spp: o.spp,
             target_error: o.target_error,
+            error_of: o.error_of.map(Into::into),
             min_spp: o.min_spp,
             max_spp: o.max_spp,
             time_limit: o.time_limit,
@@ -152,6 +153,8 @@ pub(crate) fn frame(frame: &Frame) -> v1::Frame {
         error: frame.failure.as_ref().map(failure),
         files: frame.files.iter().map(file).collect(),
         statistics: Some(statistics(&frame.statistics)),
+        denoised_rel_mse: frame.denoised.map(|error| error.rel_mse),
+        denoised_rel_mse_ci95: frame.denoised.map(|error| error.ci95.to_vec()).unwrap_or_default(),
     }
 }
 

@@ -86,7 +86,6 @@ fn trial(args: &PreflightArgs, frame: i32, (width, height): (u32, u32), folder: 
         threads: args.threads,
         report: Vec::new(),
         profile: false,
-        error_of: None,
         settings: SettingsArgs {
             spp: Some(1),
             seed: args.shot.settings.seed,

@@ -36,7 +36,6 @@ pub(super) fn run(args: &TaskArgs, talk: Talk) -> Result<(), Error> {
         threads: args.threads,
         report: args.report.iter().cloned().collect(),
         profile: false,
-        error_of: None,
         settings: args.shot.settings.clone(),
         work: args.shot.work.clone(),
     };
