@@ -457,8 +457,9 @@ def write(results, options):
     """All figures, the tables and the plot."""
     told = results["about"]
     heading = f"Growing work: {title(told)}"
-    return publish(options.out, f"{told['date']}-{told['commit']}-scaling", results,
-                   "\n".join(markdown(results, heading, options)), plot(results["axes"], heading))
+    base = os.path.join(options.out, f"{told['date']}-{told['commit']}-scaling")
+    publish(base, results, "\n".join(markdown(results, heading, options)), ("Time and memory by work", plot(results["axes"], heading)))
+    return base
 
 
 def parse():

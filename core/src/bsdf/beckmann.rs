@@ -15,7 +15,8 @@ fn below(x: f64, tan: f64) -> f64 {
 
 /// 1 + Λ of Smith's masking for a view whose angle off the normal has this tangent, in units of the width.
 fn whole(tan: f64) -> f64 {
-    below(1.0 / tan, tan)
+    // Almost no facet turns away from such a view: the sum is 1 to the last bit.
+    if tan < 1.0 / 6.0 { 1.0 } else { below(1.0 / tan, tan) }
 }
 
 /// Smith's share of the facets that are seen, exactly.
@@ -52,8 +53,12 @@ fn slope(u: f64, tan: f64) -> f64 {
 }
 
 /// About where the slope is: between what it is straight on, and what it is seen along the surface, where
-/// exp(−x²) of the facets lie below a slope of −x.
+/// exp(−x²) of the facets lie below a slope of −x. Near straight on, its series to the second order of `tan`.
 fn guess(u: f64, tan: f64) -> f64 {
+    if tan < 0.25 {
+        let straight = straight(u);
+        return straight - tan * (0.5 + 0.25 * tan * straight);
+    }
     let along = -(-libm::log(u.clamp(1e-12, 1.0))).sqrt();
     let straight = straight(u);
     straight + (along - straight) * (tan / (1.0 + tan))
@@ -110,6 +115,13 @@ mod tests {
                 let reached = below(x, tan) * unmasked(tan);
                 assert!((reached - u).abs() < 1e-8, "tan {tan}, u {u}: {x} reaches {reached}");
             }
+        }
+    }
+
+    #[test]
+    fn views_near_straight_on_see_all_facets() {
+        for tan in [1e-3, 0.1, 1.0 / 6.0 - 1e-9, 1.0 / 6.0] {
+            assert_eq!(below(1.0 / tan, tan), 1.0, "{tan}");
         }
     }
 

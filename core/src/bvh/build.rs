@@ -217,3 +217,36 @@ impl Emit<'_> {
         LEAF | (ids.len() as u32 - 1) << LEAF_SIZE_SHIFT | start
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Bvh, Costs};
+    use crate::math::Aabb;
+    use glam::Vec3;
+
+    /// A field of many equal boxes, whose order only ties decide, with some others among them.
+    fn field(edge: u32) -> Vec<Aabb> {
+        let cell = |i: u32, j: u32| {
+            let low = Vec3::new(i as f32, if (i * 31 + j * 17) % 97 == 0 { 0.5 } else { 0.0 }, j as f32);
+            Aabb { min: low, max: low + Vec3::new(1.0, 0.25, 1.0) }
+        };
+        (0..edge).flat_map(|i| (0..edge).map(move |j| cell(i, j))).collect()
+    }
+
+    #[test]
+    fn threads_change_nothing() {
+        let costs = Costs { leaf: 0.8, primitive: 0.06, most: 8 };
+        // The builder works in parallel from half a million boxes on.
+        for edge in [100, 730] {
+            let boxes = field(edge);
+            let build = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| Bvh::build(&boxes, costs).unwrap())
+            };
+            let want = build(1);
+            for threads in [2, 3, 8] {
+                assert!(build(threads) == want, "{edge}, {threads} threads");
+            }
+        }
+    }
+}

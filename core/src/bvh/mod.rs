@@ -22,7 +22,7 @@ const LEAF_START: u32 = (1 << LEAF_SIZE_SHIFT) - 1;
 const NONE: u32 = u32::MAX;
 
 /// Eight children: boxes as min x, max x, min y, … of all, and what they are.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 #[repr(align(64))]
 struct Node {
     bounds: [[f32; 8]; 6],
@@ -46,7 +46,7 @@ impl Node {
 /// A tree over primitives numbered as they were given.
 ///
 /// Leaves refer to *slots*: primitives in the order of the tree, so that their data can lie beside each other.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Bvh {
     nodes: Vec<Node>,
     /// Slot to primitive.
