@@ -22,6 +22,7 @@ fn main() -> io::Result<()> {
         hash.add(&fs::read(&file)?);
     }
     hash.add(env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default().as_bytes());
+    hash.add(&[u8::from(env::var_os("CARGO_CFG_KARST_PLAIN").is_some())]);
     hash.add(env::var("TARGET").unwrap_or_default().as_bytes());
     let rustc = env::var("RUSTC").unwrap_or_else(|_| "rustc".into());
     hash.add(&Command::new(rustc).arg("-vV").output()?.stdout);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use karst_core::film::Region;
-use karst_core::scene::{ErrorOf, Overrides};
+use karst_core::scene::{self, Overrides};
 use serde::{Deserialize, Serialize};
 
 use crate::digest::Digest;
@@ -68,27 +68,27 @@ pub enum Denoise {
 
 /// Which picture a target error is meant for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Judged {
+pub enum ErrorOf {
     /// The picture as it is rendered.
     Noisy,
     /// The denoised picture.
     Denoised,
 }
 
-impl From<Judged> for ErrorOf {
-    fn from(judged: Judged) -> Self {
-        match judged {
-            Judged::Noisy => Self::Noisy,
-            Judged::Denoised => Self::Denoised,
-        }
-    }
-}
-
-impl From<ErrorOf> for Judged {
+impl From<ErrorOf> for scene::ErrorOf {
     fn from(of: ErrorOf) -> Self {
         match of {
             ErrorOf::Noisy => Self::Noisy,
             ErrorOf::Denoised => Self::Denoised,
+        }
+    }
+}
+
+impl From<scene::ErrorOf> for ErrorOf {
+    fn from(of: scene::ErrorOf) -> Self {
+        match of {
+            scene::ErrorOf::Noisy => Self::Noisy,
+            scene::ErrorOf::Denoised => Self::Denoised,
         }
     }
 }
@@ -102,7 +102,7 @@ pub struct Settings {
     /// Square root of relMSE to reach.
     pub target_error: Option<f64>,
     /// Which picture has to reach it.
-    pub error_of: Option<Judged>,
+    pub error_of: Option<ErrorOf>,
     /// No pixel gets fewer samples.
     pub min_spp: Option<u32>,
     /// No pixel gets more samples.

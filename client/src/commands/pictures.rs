@@ -51,11 +51,7 @@ impl<'a> Pictures<'a> {
     /// Writes `path`, an EXR with the statistics, and for a PNG the denoised picture beside it; returns what was written.
     pub(super) fn write(&self, path: &Path, statistics: &Value) -> Result<Vec<PathBuf>, Error> {
         if path.extension().is_some_and(|ending| ending == "exr") {
-            let mut file = BufWriter::new(File::create(path).map_err(|source| Error::file(path, source))?);
-            film_exr(self.film, self.denoised.as_deref(), statistics, &mut file)
-                .map_err(|error| encode_error(path, &error))?;
-            file.flush().map_err(|source| Error::file(path, source))?;
-            return Ok(vec![path.to_owned()]);
+            return Ok(vec![self.write_exr(path, statistics)?]);
         }
         let (exposure, view) = (self.scene.exposure(), self.scene.view());
         let noisy = film_png(self.film, exposure, view).map_err(|error| encode_error(path, &error))?;
@@ -68,6 +64,38 @@ impl<'a> Pictures<'a> {
         }
         Ok(written)
     }
+
+    /// Writes the EXR beside its place first: a picture that is there stays until the new one is whole.
+    fn write_exr(&self, path: &Path, statistics: &Value) -> Result<PathBuf, Error> {
+        let part = part_of(path);
+        let file = File::create(&part).map_err(|source| Error::file(path, source))?;
+        let mut file = BufWriter::new(file);
+        let written = film_exr(self.film, self.denoised.as_deref(), statistics, &mut file)
+            .map_err(|error| encode_error(path, &error))
+            .and_then(|()| file.flush().map_err(|source| Error::file(&part, source)));
+        if part == path {
+            return written.map(|()| part);
+        }
+        let moved =
+            written.and_then(|()| std::fs::rename(&part, path).map_err(|source| Error::file(path, source)));
+        if let Err(error) = moved {
+            // What went wrong is told; a part that cannot be removed either is harmless.
+            let _ = std::fs::remove_file(&part);
+            return Err(error);
+        }
+        Ok(path.to_owned())
+    }
+}
+
+/// Where a file is written that takes its name once it is whole: `OUT.exr.part` beside it. What is there already and no
+/// regular file is written to as it is.
+fn part_of(path: &Path) -> PathBuf {
+    if path.exists() && !path.is_file() {
+        return path.to_owned();
+    }
+    let mut name = path.as_os_str().to_owned();
+    name.push(".part");
+    name.into()
 }
 
 /// The error that the film has when it is denoised; `None` without a denoiser, and while a replicate has no samples.
@@ -77,7 +105,8 @@ pub(super) fn denoised_error(
     denoise: DenoiseArg,
     threads: usize,
 ) -> Result<Option<CrossError>, Error> {
-    let (Some(mode), Some([a, b])) = (mode_of(denoise), film.replicates()) else { return Ok(None) };
+    let Some(mode) = mode_of(denoise) else { return Ok(None) };
+    let Some([a, b]) = film.replicates() else { return Ok(None) };
     let layers = film.picture();
     let [da, db] =
         [denoised_colors(&a, &layers, mode, threads)?, denoised_colors(&b, &layers, mode, threads)?];

@@ -150,7 +150,12 @@ impl Job<'_> {
         let denoise = self.args.work.denoise;
         let pictures = Pictures::new(&film, &scene, denoise, threads)?;
         let denoised = wall.seconds();
-        let error = denoised_error(&film, &scene, denoise, threads)?.map(CrossError::at_least_zero);
+        let error = denoised_error(&film, &scene, denoise, threads).unwrap_or_else(|error| {
+            // The picture itself is denoised: an unknown error is no reason to lose it.
+            report.warnings.push(format!("the error of the denoised picture is unknown: {error}"));
+            None
+        });
+        let error = error.map(CrossError::at_least_zero);
         report.denoised_rel_mse = error.map(|error| error.rel_mse);
         report.denoised_rel_mse_ci95 = error.map(|error| error.ci95);
         let seed = scene.sampling().seed;
@@ -243,6 +248,9 @@ pub(super) fn tell(talk: Talk, report: &Report, files: &[PathBuf]) {
         "frame {}: {:.1} samples per pixel, error {error}{denoised}, {:.2} s, {:.2} million samples/s",
         report.frame, report.spp_mean, report.render_seconds, report.msamples_per_second
     ));
+    for warning in &report.warnings {
+        talk.say(&format_args!("warning: {warning}"));
+    }
     for (count, what) in [
         (report.nonfinite_samples, "samples were not finite and were dropped"),
         (report.exhausted_rays, "rays ran out of marching steps"),

@@ -14,6 +14,9 @@ pub(crate) use page::{Finished, Page};
 /// One rendered frame. Seconds are of the wall clock.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Report {
+    /// What people are told besides the figures.
+    #[serde(skip)]
+    pub(crate) warnings: Vec<String>,
     pub(crate) frame: i32,
     /// Rendering alone.
     pub(crate) render_seconds: f64,
@@ -78,6 +81,7 @@ impl Report {
     pub(crate) fn of(summary: &FrameSummary, window: Region, frame: i32, threads: usize) -> Self {
         let counters = &summary.counters;
         Self {
+            warnings: Vec::new(),
             frame,
             render_seconds: 0.0,
             wall_seconds: 0.0,

@@ -77,7 +77,25 @@ impl Bvh {
     }
 }
 
+/// From so many primitives on the builder's sort leaves the order of ties to the number of threads.
+const MANY: usize = 4_000_000;
+
+/// Threads that build large trees, wherever.
+const BUILDERS: usize = 4;
+
+/// The binary tree, the same whatever the number of threads.
 fn build_binary(boxes: &[Aabb]) -> Bvh2 {
+    if boxes.len() < MANY {
+        return build_by_all(boxes);
+    }
+    match rayon::ThreadPoolBuilder::new().num_threads(BUILDERS).build() {
+        Ok(pool) => pool.install(|| build_by_all(boxes)),
+        // The tree is a good one anyway, and no pixel depends on which.
+        Err(_) => build_by_all(boxes),
+    }
+}
+
+fn build_by_all(boxes: &[Aabb]) -> Bvh2 {
     let boxes: Vec<Box2> = boxes.iter().map(|b| Box2::new(b.min.into(), b.max.into())).collect();
     let indices = (0..boxes.len() as u32).collect();
     let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
@@ -227,7 +245,8 @@ mod tests {
     /// A field of many equal boxes, whose order only ties decide, with some others among them.
     fn field(edge: u32) -> Vec<Aabb> {
         let cell = |i: u32, j: u32| {
-            let low = Vec3::new(i as f32, if (i * 31 + j * 17) % 97 == 0 { 0.5 } else { 0.0 }, j as f32);
+            let low =
+                Vec3::new(i as f32, if (i * 31 + j * 17).is_multiple_of(97) { 0.5 } else { 0.0 }, j as f32);
             Aabb { min: low, max: low + Vec3::new(1.0, 0.25, 1.0) }
         };
         (0..edge).flat_map(|i| (0..edge).map(move |j| cell(i, j))).collect()
@@ -236,7 +255,6 @@ mod tests {
     #[test]
     fn threads_change_nothing() {
         let costs = Costs { leaf: 0.8, primitive: 0.06, most: 8 };
-        // The builder works in parallel from half a million boxes on.
         for edge in [100, 730] {
             let boxes = field(edge);
             let build = |threads| {

@@ -86,8 +86,8 @@ impl<'a> Layers<'a> {
     }
 
     /// The channels in the order of the file, which is that of their names.
-    fn lanes(&self) -> Vec<Lane<'a>> {
-        let mut lanes = Vec::with_capacity(16);
+    fn channels(&self) -> Vec<Channel<'a>> {
+        let mut channels = Vec::with_capacity(16);
         let vectors = [
             ("color", ["R", "G", "B"], Some(self.color)),
             ("albedo", ["Albedo.R", "Albedo.G", "Albedo.B"], self.albedo),
@@ -97,7 +97,11 @@ impl<'a> Layers<'a> {
         for (plane, names, pixels) in vectors {
             let Some(pixels) = pixels else { continue };
             let axes = names.into_iter().enumerate();
-            lanes.extend(axes.map(|(axis, name)| Lane { plane, name, values: Values::Axis(pixels, axis) }));
+            channels.extend(axes.map(|(axis, name)| Channel {
+                plane,
+                name,
+                values: Values::Axis(pixels, axis),
+            }));
         }
         let scalars = [
             ("depth", "Depth.Z", self.depth),
@@ -106,15 +110,15 @@ impl<'a> Layers<'a> {
             ("evaluations", "Evaluations.X", self.evaluations),
         ];
         for (plane, name, values) in scalars {
-            lanes.extend(values.map(|values| Lane { plane, name, values: Values::Numbers(values) }));
+            channels.extend(values.map(|values| Channel { plane, name, values: Values::Numbers(values) }));
         }
-        lanes.sort_unstable_by_key(|lane| lane.name);
-        lanes
+        channels.sort_unstable_by_key(|channel| channel.name);
+        channels
     }
 }
 
 /// A channel of the file.
-struct Lane<'a> {
+struct Channel<'a> {
     /// The plane that it belongs to.
     plane: &'static str,
     name: &'static str,
@@ -166,7 +170,7 @@ pub fn exr(
     write_exr(&Layers::of(picture, denoised), statistics)
 }
 
-/// Writes [`exr`] of a film's window, resolved a band of rows at a time: however large it is, no second picture of it is in
+/// Writes [`exr()`] of a film's window, resolved a band of rows at a time: however large it is, no second picture of it is in
 /// memory.
 ///
 /// # Errors
@@ -200,8 +204,8 @@ pub fn film_exr(
 /// of another size than the window.
 pub fn write_exr(layers: &Layers<'_>, statistics: &serde_json::Value) -> Result<Vec<u8>, EncodeError> {
     let (width, height) = size(layers.full, layers.window)?;
-    for lane in layers.lanes() {
-        check_plane(lane.plane, lane.values.len(), width, height)?;
+    for channel in layers.channels() {
+        check_plane(channel.plane, channel.values.len(), width, height)?;
     }
     let width = width as usize;
     let band = |rows: Range<usize>, take: &mut dyn FnMut(&Layers<'_>)| {
@@ -268,9 +272,10 @@ where
         let mut list = Vec::new();
         // Every row has the same channels.
         (self.0)(0..1, &mut |layers| {
-            let of =
-                |lane: &Lane<'_>| ChannelDescription::named(Text::new_or_panic(lane.name), SampleType::F32);
-            list = layers.lanes().iter().map(of).collect();
+            let of = |channel: &Channel<'_>| {
+                ChannelDescription::named(Text::new_or_panic(channel.name), SampleType::F32)
+            };
+            list = layers.channels().iter().map(of).collect();
         });
         ChannelList::new(list.into())
     }
@@ -292,11 +297,11 @@ where
         let first = block.pixel_position.y();
         let mut bytes = Vec::new();
         (self.0)(first..first + block.pixel_size.height(), &mut |layers| {
-            let lanes = layers.lanes();
+            let channels = layers.channels();
             bytes = UncompressedBlock::collect_block_data_from_lines(&header.channels, block, |line| {
                 let Vec2(x, y) = line.location.position;
                 let start = (y - first) * header.layer_size.width() + x;
-                let values = &lanes[line.location.channel].values;
+                let values = &channels[line.location.channel].values;
                 // The line is as long as it has to be: such a write cannot fail.
                 let _ = line.write_samples(|index| values.at(start + index));
             });

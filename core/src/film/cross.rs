@@ -24,7 +24,8 @@ impl CrossError {
 }
 
 /// The error of a denoised picture from its replicates `noisy` and from each of them `denoised` by itself, row by row;
-/// `scale` is 2 to the power of the exposure that relative errors are judged at. `None` without a pixel.
+/// `scale` is 2 to the power of the exposure that relative errors are judged at. `None` without a pixel, and where
+/// a pixel is not finite.
 ///
 /// B knows nothing of A's noise, so (dA − B)² is dA's squared error, washed out edges and all, plus B's variance, which
 /// (A − B)²/2 is; and the other way round. That is the error of half of the samples. Of it the part that differs between dA
@@ -67,7 +68,8 @@ pub fn cross_error(
     } else {
         1.96 * (spread * count / (count - 1.0)).sqrt() / pixels as f64
     };
-    Some(CrossError { rel_mse, ci95: [rel_mse - half, rel_mse + half] })
+    (rel_mse.is_finite() && half.is_finite())
+        .then_some(CrossError { rel_mse, ci95: [rel_mse - half, rel_mse + half] })
 }
 
 #[cfg(test)]
@@ -127,5 +129,13 @@ mod tests {
         assert_eq!(cross_error([&[], &[]], [&[], &[]], 0, 1.0), None);
         let alone = cross_error([&a[..9], &b[..9]], [&a[..9], &b[..9]], 3, 1.0).expect("pixels");
         assert_eq!(alone.ci95, [0.0, 2.0 * alone.rel_mse]);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_unknown() {
+        let (good, bad) = ([Vec3::ONE; 4], [Vec3::ONE, Vec3::NAN, Vec3::ONE, Vec3::INFINITY]);
+        assert!(cross_error([&good, &good], [&good, &good], 2, 1.0).is_some());
+        assert_eq!(cross_error([&good, &good], [&bad, &good], 2, 1.0), None);
+        assert_eq!(cross_error([&good, &bad], [&good, &good], 2, 1.0), None);
     }
 }

@@ -8,7 +8,7 @@ use karst_core::film::CrossError;
 
 use crate::blobs::{Blobs, Kind};
 use crate::error::Error;
-use crate::farm::judge::{Halves, denoised_picture};
+use crate::farm::denoised::{Replicates, denoised_picture};
 use crate::farm::live::LiveFrame;
 use crate::model::{Cause, DenoisedError, Failure, Finished, Format, FrameFile};
 use crate::spec::Denoise;
@@ -41,22 +41,25 @@ struct Encoded {
 
 fn encode_all(frame: &LiveFrame, denoise: Denoise) -> Result<Encoded, Error> {
     let scene = &frame.scene;
-    let (picture, halves, summary, objects) = {
+    let (picture, replicates, summary, objects) = {
         let film = &frame.merged().film;
-        let halves = if denoise == Denoise::Off { None } else { Halves::of(film, scene) };
+        let replicates = if denoise == Denoise::Off { None } else { Replicates::of(film, scene) };
         let objects = encode::object_statistics(scene.function_names(), film.objects());
-        (film.picture(), halves, film.summary(), objects)
+        (film.picture(), replicates, film.summary(), objects)
     };
-    let smooth = denoised_picture(&picture, denoise)
-        .and_then(|smooth| Ok((smooth, halves.map(|halves| halves.error(denoise)).transpose()?.flatten())));
-    let ((smooth, error), failure) = match smooth {
+    let (smooth, failure) = match denoised_picture(&picture, denoise) {
         Ok(smooth) => (smooth, None),
         Err(e) => {
             tracing::warn!(job = %frame.job, frame = frame.frame, "not denoised: {e}");
-            ((None, None), Some(Failure::new(Cause::Denoiser, format!("not denoised: {e}"))))
+            (None, Some(Failure::new(Cause::Denoiser, format!("not denoised: {e}"))))
         }
     };
-    let error = error.map(CrossError::at_least_zero);
+    let judged = replicates.filter(|_| smooth.is_some()).map(|it| it.error(&picture, denoise));
+    let error = judged.transpose().unwrap_or_else(|e| {
+        tracing::warn!(job = %frame.job, frame = frame.frame, "denoised, but with an unknown error: {e}");
+        None
+    });
+    let error = error.flatten().map(CrossError::at_least_zero);
     let statistics =
         encode::statistics(frame.frame, scene.sampling().seed, &summary, error.as_ref(), &objects);
     let (width, height) = (picture.window.width(), picture.window.height());

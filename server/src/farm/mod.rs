@@ -6,12 +6,12 @@
 //! that must survive goes through the ledger.
 
 mod batch;
+mod denoised;
 mod dispute;
 pub mod feed;
 mod finish;
 pub(crate) mod fleet;
 mod jobs;
-mod judge;
 pub(crate) mod ledger;
 pub mod live;
 pub(crate) mod prepare;

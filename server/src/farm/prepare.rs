@@ -16,7 +16,7 @@ use tokio::task::spawn_blocking;
 use crate::blobs::{Blobs, Kind};
 use crate::digest::Digest;
 use crate::error::Error;
-use crate::farm::judge::Halves;
+use crate::farm::denoised::Replicates;
 use crate::farm::ledger::unpack;
 use crate::farm::live::{LiveFrame, Merged, Vote};
 use crate::farm::queue::SERVER;
@@ -165,6 +165,18 @@ fn description(
     Ok(description)
 }
 
+/// How a frame is rendered, besides its scene.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct How {
+    /// Edge of a tile in pixels.
+    pub tile_size: u32,
+    /// Whether and how it is denoised.
+    pub denoise: Denoise,
+    /// Whether it was decided before that there is no further round: time, which nobody asks for again, may have been the
+    /// reason.
+    pub is_rendered: bool,
+}
+
 /// Makes a frame ready: its scene, and the film and results that survived.
 ///
 /// Blobs that are damaged or gone are rendered again: that errs towards work, never towards wrong pixels.
@@ -174,7 +186,7 @@ fn description(
 pub(crate) async fn open(
     place: (i64, Arc<str>, i32),
     scene: Arc<Scene>,
-    how: (u32, Denoise),
+    how: How,
     stores: (&State, &Blobs),
 ) -> Result<Opened, Error> {
     let (state, blobs) = stores;
@@ -223,19 +235,18 @@ pub(crate) async fn read_stored(blobs: &Blobs, stored: StoredRound) -> Result<Su
     Ok(survived)
 }
 
-fn restore(
-    place: (i64, Arc<str>, i32),
-    scene: Arc<Scene>,
-    (tile_size, denoise): (u32, Denoise),
-    survived: Survived,
-) -> Opened {
-    let grid = TileGrid::new(scene.window(), tile_size);
+fn restore(place: (i64, Arc<str>, i32), scene: Arc<Scene>, how: How, survived: Survived) -> Opened {
+    let grid = TileGrid::new(scene.window(), how.tile_size);
     let (film, stored) = match survived.film {
         Some((film, digest)) => (film, Some(digest)),
         None => (Film::new(scene.size(), scene.window(), scene.exposure()), None),
     };
-    let judge = |film: &Film| Halves::of(film, &scene)?.verdict(denoise).of(film);
-    let round = next_round(scene.sampling(), &grid, &film, survived.rounds, &judge);
+    let judge = |film: &Film| Replicates::of(film, &scene)?.judgement(&film.picture(), how.denoise).of(film);
+    let round = if how.is_rendered {
+        None
+    } else {
+        next_round(scene.sampling(), &grid, &film, survived.rounds, &judge)
+    };
     let mut merged = Merged {
         film,
         rounds: vec![survived.rounds; grid.tile_count() as usize],
@@ -325,4 +336,34 @@ fn settings_error(problems: &Problems) -> Error {
         _ => "job.settings".to_owned(),
     };
     Error::Fields(problems.problems.iter().map(|p| Violation::new(field(&p.path), &p.message)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Assets, Denoise, Document, How, Limits, Scene, Survived, restore};
+    use karst_core::scene::Folder;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    const SCENE: &str = r#"{ "version": 1, "film": {"width": 32, "height": 32},
+      "camera": {"type": "perspective", "vfov": 40, "transform":
+        {"look_at": {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0]}}},
+      "sampling": {"spp": 64, "time_limit": 1}, "materials": {"clay": {"type": "diffuse", "reflectance": [0.5, 0.5, 0.5]}},
+      "spheres": {"ball": {"center": [0, 0, 0], "radius": 1, "material": "clay"}} }"#;
+
+    /// Its time was over, or its denoised picture good enough, when the server stopped: nobody decides that again.
+    #[test]
+    fn a_frame_whose_rounds_are_over_has_no_further_round() {
+        let limits = Limits::default();
+        let document = Document::parse(SCENE, "scene.json", &limits).unwrap();
+        let assets = Assets::load(&document, &Folder::new(Path::new(".")).unwrap(), &limits).unwrap();
+        let scene = Arc::new(Scene::build(&document.at(1).unwrap(), &assets, 1).unwrap());
+        for is_rendered in [false, true] {
+            let how = How { tile_size: 16, denoise: Denoise::Off, is_rendered };
+            let survived = Survived { film: None, rounds: 1, packs: Vec::new() };
+            let opened = restore((1, Arc::from("j"), 1), Arc::clone(&scene), how, survived);
+            assert_eq!(opened.round.is_none(), is_rendered);
+            assert_eq!(opened.frame.merged().complete, is_rendered);
+        }
+    }
 }

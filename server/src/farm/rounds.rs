@@ -6,14 +6,14 @@ use std::sync::Arc;
 
 use karst_core::film::{Film, FrameSummary, Round};
 use karst_core::render::next_round;
-use karst_core::scene::Scene;
+use karst_core::scene::{ErrorOf, Goal, Scene};
 use tokio::task::spawn_blocking;
 
 use crate::clock;
 use crate::error::Error;
+use crate::farm::denoised::Replicates;
 use crate::farm::finish::finish;
 use crate::farm::jobs::{Begun, Rendering, Stage};
-use crate::farm::judge::Halves;
 use crate::farm::ledger::NewFilm;
 use crate::farm::live::LiveFrame;
 use crate::farm::prepare::{self, Context, Opened};
@@ -43,8 +43,9 @@ impl Farm {
             let (number, id) = (job.number, Arc::clone(&job.id));
             let (context, scene) = (job.context.clone(), job.take_first(frame));
             let spec = job.run.job.spec.clone();
+            let is_rendered = job.run.frames.get(&frame).is_some_and(|f| f.state == FrameState::Finishing);
             tokio::spawn(async move {
-                let opened = open(&shared, (number, id, frame), (context, scene), spec).await;
+                let opened = open(&shared, (number, id, frame), (context, scene), (spec, is_rendered)).await;
                 let _ = events.send(Event::Opened(number, frame, Box::new(opened)));
             });
         }
@@ -97,10 +98,17 @@ impl Farm {
     pub(super) fn plan(&self, frame: Arc<LiveFrame>) {
         let Some(done) = self.jobs.round_of(&frame).map(|round| round + 1) else { return };
         let Some(denoise) = self.jobs.denoise_of(frame.number) else { return };
-        let events = self.events.clone();
-        spawn_blocking(move || {
-            let plan = plan(&frame, done, denoise);
-            let _ = events.send(Event::Planned(frame, Box::new(plan)));
+        let (events, finishing) = (self.events.clone(), Arc::clone(&self.finishing));
+        tokio::spawn(async move {
+            // What denoises waits for its turn.
+            let _turn = if is_judged_denoised(&frame.scene) { finishing.acquire().await.ok() } else { None };
+            let planned = spawn_blocking(move || {
+                let plan = plan(&frame, done, denoise);
+                Event::Planned(frame, Box::new(plan))
+            });
+            if let Ok(planned) = planned.await {
+                let _ = events.send(planned);
+            }
         });
     }
 
@@ -155,31 +163,37 @@ impl Farm {
 /// The film is not held while it is denoised, which takes seconds: if it is another one afterwards, the version says so.
 fn plan(frame: &LiveFrame, done: u32, denoise: Denoise) -> Plan {
     let (scene, grid) = (&frame.scene, &frame.grid);
-    let (round, version, halves) = {
+    let (version, replicates) = {
         let merged = frame.merged();
         let asked = Cell::new(false);
         let ask = |_: &Film| {
             asked.set(true);
             None
         };
-        next_round(scene.sampling(), grid, &merged.film, done, &ask);
-        let halves = if asked.get() { Halves::of(&merged.film, scene) } else { None };
-        (merged.round, merged.version, halves)
+        if is_judged_denoised(scene) && !frame.is_stopped() {
+            next_round(scene.sampling(), grid, &merged.film, done, &ask);
+        }
+        let replicates = if asked.get() { Replicates::of(&merged.film, scene) } else { None };
+        (merged.version, replicates.map(|replicates| (replicates, merged.film.picture())))
     };
-    let verdict = halves.map(|halves| halves.verdict(denoise));
+    let judgement = replicates.map(|(replicates, layers)| replicates.judgement(&layers, denoise));
     let film = &frame.merged().film;
-    let next = next_round(scene.sampling(), grid, film, done, &|film| verdict.as_ref()?.of(film));
-    Plan { round, version, summary: film.summary(), next, film: film.to_bytes().into() }
+    let next = next_round(scene.sampling(), grid, film, done, &|film| judgement?.of(film));
+    Plan { round: done - 1, version, summary: film.summary(), next, film: film.to_bytes().into() }
+}
+
+fn is_judged_denoised(scene: &Scene) -> bool {
+    matches!(scene.sampling().goal, Goal::Error { of: ErrorOf::Denoised, .. })
 }
 
 async fn open(
     shared: &Shared,
     place: (i64, Arc<str>, i32),
     known: (Option<Arc<Context>>, Option<Arc<Scene>>),
-    spec: JobSpec,
+    (spec, is_rendered): (JobSpec, bool),
 ) -> Result<(Arc<Context>, Opened), Error> {
     let (context, scene) = known;
-    let how = (spec.tile_size, spec.denoise);
+    let how = prepare::How { tile_size: spec.tile_size, denoise: spec.denoise, is_rendered };
     let context = match context {
         Some(context) => context,
         None => Arc::new(prepare::load(&shared.blobs, &shared.limits, spec).await?),

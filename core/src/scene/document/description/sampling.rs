@@ -55,7 +55,7 @@ words! {
     ErrorOf {
         /// The picture as it is rendered.
         "noisy" => Noisy,
-        /// The denoised picture; only where frames are rendered without a server, and denoised.
+        /// The denoised picture; only where frames are denoised.
         "denoised" => Denoised,
     }
 }
