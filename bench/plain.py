@@ -4,14 +4,15 @@
 usage: bench/plain.py [--spp 256] [--size 192x144] [--pairs 12] [--json OUT] [--threads N] [--bin DIR]
 
 Builds karst a second time with `--cfg karst_plain`, in which media, holes, distance functions and the two kinds of lights side
-by side are not there (`PLAIN` in core/src/scene), into target/plain; that takes some minutes. Renders scenes/cornell.json with
-both in turn: the pictures must be the same bytes. Printed is the median of karst's seconds over the plain build's, with the 95 %
+by side are not there (`PLAIN` in core/src/scene), into target/plain; that takes some minutes. Renders scenes/cornell.json
+without its distance functions with both in turn: the pictures must be the same bytes. Printed is the median of karst's seconds over the plain build's, with the 95 %
 interval of the median; 1.00 is what a scene should pay for what it does not use.
 """
 import argparse
 import filecmp
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -33,10 +34,22 @@ def build():
     return os.path.join(target, "release", "karst")
 
 
-def seconds(program, picture, options):
+def plain_scene(work):
+    """The Cornell box without what is not plain."""
+    with open(os.path.join(ROOT, "scenes", "cornell.json"), encoding="utf-8") as file:
+        document = json.load(file)
+    document.pop("sdf_objects")
+    shutil.copytree(os.path.join(ROOT, "scenes", "meshes"), os.path.join(work, "meshes"))
+    path = os.path.join(work, "plain.json")
+    with open(path, "w", encoding="utf-8") as file:
+        json.dump(document, file)
+    return path
+
+
+def seconds(program, scene, picture, options):
     """Seconds that a program renders for."""
     report = f"{picture}.json"
-    run(program, "render", os.path.join(ROOT, "scenes", "cornell.json"), "--spp", options.spp, "--size", options.size,
+    run(program, "render", scene, "--spp", options.spp, "--size", options.size,
         "--threads", options.threads, "--output", picture, "--report", report)
     with open(report, encoding="utf-8") as file:
         return json.load(file)["render_seconds"]
@@ -46,10 +59,11 @@ def compare(programs, options):
     """Seconds of both programs, pair by pair; the first to render changes from pair to pair."""
     pairs = []
     with tempfile.TemporaryDirectory() as work:
+        scene = plain_scene(work)
         pictures = [os.path.join(work, f"{number}.exr") for number in (0, 1)]
         for pair in range(options.pairs):
             order = (0, 1) if pair % 2 == 0 else (1, 0)
-            took = {number: seconds(programs[number], pictures[number], options) for number in order}
+            took = {number: seconds(programs[number], scene, pictures[number], options) for number in order}
             pairs.append([took[0], took[1]])
             print(f"pair {pair + 1} of {options.pairs}: {took[0]:.3f} s, plain {took[1]:.3f} s", file=sys.stderr)
         if not filecmp.cmp(*pictures, shallow=False):
