@@ -60,7 +60,7 @@ def measure(scene, work, options):
     return {
         "scene": scene.name, "size": scene.size, "spp": options.spp, "seeds": count, "held": 1 - (above + below) / count,
         "above": above / count, "below": below / count, "reported_over_true": float(np.median(ratios)),
-        "worst_pixels": float(np.median(worst)), "true": truths, "reported": [report["rel_mse"] for report in reports],
+        "worst_pixels": float(np.median(worst)), "true": truths, "reported": [report["rel_mse"] for report in reports], "intervals": limits,
     }
 
 

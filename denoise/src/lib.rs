@@ -22,20 +22,25 @@ use std::process::ExitStatus;
 
 pub use wire::Mode;
 
-/// A picture to denoise: linear light and its features, row-major, one entry per pixel.
+/// A picture to denoise: linear light and its features, row-major, one entry per pixel of whatever has three numbers.
 #[derive(Debug, Clone, Copy)]
-pub struct Input<'a> {
+pub struct Input<'a, T = [f32; 3]> {
     /// Width in pixels, at least 1.
     pub width: u32,
     /// Height in pixels, at least 1.
     pub height: u32,
     /// Noisy radiance, any positive range.
-    pub color: &'a [[f32; 3]],
+    pub color: &'a [T],
     /// Noisy albedo, 0 to 1; not looked at in [`Mode::Color`].
-    pub albedo: &'a [[f32; 3]],
+    pub albedo: &'a [T],
     /// Noisy normals, -1 to 1; not looked at in [`Mode::Color`].
-    pub normal: &'a [[f32; 3]],
+    pub normal: &'a [T],
 }
+
+/// What has three numbers.
+pub trait Pixel: Copy + Sync + Into<[f32; 3]> + From<[f32; 3]> {}
+
+impl<T: Copy + Sync + Into<[f32; 3]> + From<[f32; 3]>> Pixel for T {}
 
 /// Why a picture was not denoised.
 #[derive(Debug, thiserror::Error)]
@@ -99,7 +104,7 @@ fn said(stderr: &str) -> String {
 ///
 /// # Errors
 /// See [`DenoiseError`]; the picture is checked before any program is started.
-pub fn denoise(input: &Input<'_>, mode: Mode) -> Result<Vec<[f32; 3]>, DenoiseError> {
+pub fn denoise<T: Pixel>(input: &Input<'_, T>, mode: Mode) -> Result<Vec<T>, DenoiseError> {
     Denoiser::find()?.denoise(input, mode)
 }
 
@@ -148,7 +153,7 @@ impl Denoiser {
     ///
     /// # Errors
     /// See [`DenoiseError`].
-    pub fn denoise(&self, input: &Input<'_>, mode: Mode) -> Result<Vec<[f32; 3]>, DenoiseError> {
+    pub fn denoise<T: Pixel>(&self, input: &Input<'_, T>, mode: Mode) -> Result<Vec<T>, DenoiseError> {
         let header = wire::Header { mode, threads: self.threads, width: input.width, height: input.height };
         header.check().map_err(DenoiseError::Input)?;
         let planes = match mode {
@@ -160,6 +165,6 @@ impl Denoiser {
         for (name, plane) in &planes {
             wire::check_plane(name, plane.len(), &header).map_err(DenoiseError::Input)?;
         }
-        program::run(&self.program, &header, &planes)
+        Ok(program::run(&self.program, &header, &planes)?.into_iter().map(T::from).collect())
     }
 }

@@ -5,17 +5,17 @@ use std::path::Path;
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::thread;
 
-use crate::DenoiseError;
 use crate::wire::{Answer, Header, VERSION, WireError, read_answer, write_plane};
+use crate::{DenoiseError, Pixel};
 
 /// Bytes kept of what the program writes to its standard error.
 const MAX_STDERR: usize = 4096;
 
 /// Runs the program once. Each pipe has its own thread, so neither end can wait for the other for ever.
-pub(crate) fn run(
+pub(crate) fn run<T: Pixel>(
     program: &Path,
     header: &Header,
-    planes: &[(&str, &[[f32; 3]])],
+    planes: &[(&str, &[T])],
 ) -> Result<Vec<[f32; 3]>, DenoiseError> {
     let spawned =
         Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
@@ -44,7 +44,7 @@ pub(crate) fn run(
     conclude(answer, status, said)
 }
 
-fn send(mut stdin: ChildStdin, header: &Header, planes: &[(&str, &[[f32; 3]])]) -> io::Result<()> {
+fn send<T: Pixel>(mut stdin: ChildStdin, header: &Header, planes: &[(&str, &[T])]) -> io::Result<()> {
     header.write(&mut stdin)?;
     planes.iter().try_for_each(|(_, plane)| write_plane(&mut stdin, plane))
 }

@@ -167,11 +167,14 @@ pub fn check_plane(plane: &str, found: usize, header: &Header) -> Result<(), Wir
 ///
 /// # Errors
 /// The pipe's.
-pub fn write_plane(to: &mut impl Write, plane: &[[f32; 3]]) -> io::Result<()> {
+pub fn write_plane<T: Copy + Into<[f32; 3]>>(to: &mut impl Write, plane: &[T]) -> io::Result<()> {
     let mut bytes = Vec::with_capacity(CHUNK * 12);
     for pixels in plane.chunks(CHUNK) {
         bytes.clear();
-        bytes.extend(pixels.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+        for &pixel in pixels {
+            let values: [f32; 3] = pixel.into();
+            bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        }
         to.write_all(&bytes)?;
     }
     Ok(())

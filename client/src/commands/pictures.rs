@@ -123,28 +123,12 @@ fn mode_of(denoise: DenoiseArg) -> Option<Mode> {
 }
 
 /// Colours of a picture, denoised by its other layers.
-fn denoised_colors<T: Copy + Into<[f32; 3]> + From<[f32; 3]>>(
-    color: &[T],
-    layers: &Picture,
-    mode: Mode,
-    threads: usize,
-) -> Result<Vec<T>, Error> {
-    let (color, albedo, normal) = (plane(color), plane(&layers.albedo), plane(&layers.normal));
-    let input = Input {
-        width: layers.window.width(),
-        height: layers.window.height(),
-        color: &color,
-        albedo: &albedo,
-        normal: &normal,
-    };
-    let smooth = Denoiser::find()
+fn denoised_colors(color: &[Vec3], layers: &Picture, mode: Mode, threads: usize) -> Result<Vec<Vec3>, Error> {
+    let (width, height) = (layers.window.width(), layers.window.height());
+    let input = Input { width, height, color, albedo: &layers.albedo, normal: &layers.normal };
+    Denoiser::find()
         .and_then(|denoiser| denoiser.with_threads(threads as u32).denoise(&input, mode))
-        .map_err(|error| Error::Failed(error.to_string()))?;
-    Ok(smooth.into_iter().map(T::from).collect())
-}
-
-fn plane<T: Copy + Into<[f32; 3]>>(values: &[T]) -> Vec<[f32; 3]> {
-    values.iter().map(|value| (*value).into()).collect()
+        .map_err(|error| Error::Failed(error.to_string()))
 }
 
 fn encode_error(path: &Path, error: &dyn std::fmt::Display) -> Error {

@@ -18,6 +18,10 @@ const SURE: f64 = 0.25;
 /// How far the interval reaches for the sake of brightness that is not sure, as a part of what rests on it.
 const DOUBT: f64 = 0.2;
 
+/// How far it reaches up for lights that few samples have seen, as a part of the error that they would make if they were hardly
+/// there.
+const GLINTS: f64 = 0.15;
+
 /// Standard deviations that 95 % lie within.
 const Z: f64 = 1.96;
 
@@ -38,15 +42,17 @@ pub(super) fn block_errors(pixels: &[PixelSums], width: usize, samples: [u32; 2]
         noise: (a - b).abs() * 0.5,
         emission: f64::from(pixel.emission.to_f32()) * scale,
     });
-    for ((level, noisy), [a, b]) in levels(found, width).zip(halves()) {
+    for (level, [a, b]) in levels(found, width).zip(halves()) {
         let half = (a - b) * 0.5;
-        let relative = (half * half / (level * level + 0.01)).element_sum() / 3.0;
+        let over = |level: DVec3| (half * half / (level * level + 0.01)).element_sum() / 3.0;
+        let relative = over(level.likely);
         errors.add(&Errors {
             relative,
             absolute: (half * half).element_sum() / 3.0 / (scale * scale),
             squares: relative * relative,
             cubes: relative.powi(3),
-            doubt: if noisy { relative } else { 0.0 },
+            doubt: if level.is_unsure { relative } else { 0.0 },
+            glints: over(level.least) - relative,
         });
     }
     errors
@@ -65,6 +71,8 @@ pub(super) struct Errors {
     cubes: f64,
     /// What of the relative ones rests on brightness that is not sure.
     doubt: f64,
+    /// By how much the relative ones would be more, if lights that few samples have seen were hardly there.
+    glints: f64,
 }
 
 impl Errors {
@@ -74,6 +82,7 @@ impl Errors {
         self.squares += other.squares;
         self.cubes += other.cubes;
         self.doubt += other.doubt;
+        self.glints += other.glints;
     }
 
     /// 95 % interval of the mean relative squared error of so many pixels.
@@ -81,12 +90,13 @@ impl Errors {
     /// What is estimated is not the mean over all pictures but what this one is off, which scatters as much as the estimate
     /// itself: the squares count twice. The upper end is further away by the skewness (Johnson, "Modified t tests and
     /// confidence intervals for asymmetrical populations", 1978): where few pixels make up much of the error, more of their
-    /// kind have not been hit yet.
+    /// kind have not been hit yet. So it is where few samples have seen a light itself, as a glint: whether it fills a part of
+    /// the pixel, or is found there hardly ever, a few samples cannot tell.
     pub(super) fn interval(&self, pixels: f64) -> [f64; 2] {
         let mean = self.relative / pixels;
         let half = (Z * Z * 2.0 * self.squares + (DOUBT * self.doubt).powi(2)).sqrt() / pixels;
         let skew = (1.0 + 2.0 * Z * Z) / 6.0 * self.cubes / self.squares.max(f64::MIN_POSITIVE) / pixels;
-        [(mean - half).max(0.0), mean + half + skew]
+        [(mean - half).max(0.0), mean + half + skew + GLINTS * self.glints / pixels]
     }
 }
 
@@ -107,11 +117,18 @@ impl Seen {
     }
 }
 
-/// How bright the pixels of a block really are, as far as that is known, whatever their own noise, and whether it is unsure.
-pub(crate) fn levels(
-    pixels: impl Iterator<Item = Seen>,
-    width: usize,
-) -> impl Iterator<Item = (DVec3, bool)> {
+/// How bright a pixel really is.
+#[derive(Clone, Copy)]
+pub(crate) struct Level {
+    pub(crate) likely: DVec3,
+    /// Without what of the lights that it sees only one replicate has seen.
+    least: DVec3,
+    /// Whether it was told by the pixels around.
+    is_unsure: bool,
+}
+
+/// How bright the pixels of a block really are, as far as that is known, whatever their own noise.
+pub(crate) fn levels(pixels: impl Iterator<Item = Seen>, width: usize) -> impl Iterator<Item = Level> {
     let mut seen = [Seen::default(); MOST];
     let count = seen.iter_mut().zip(pixels).map(|(seen, pixel)| *seen = pixel).count();
     let sums = sums_around(&seen[..count], width.max(1));
@@ -119,15 +136,19 @@ pub(crate) fn levels(
 }
 
 /// The same of one; `around` is the sum over the square around it of what `count` pixels scatter, itself included.
-fn level(seen: &Seen, around: DVec3, count: f64) -> (DVec3, bool) {
+fn level(seen: &Seen, around: DVec3, count: f64) -> Level {
     let (own, scattered) = (seen.mean, seen.scattered());
     let noisy = seen.noise.cmpgt(own.abs() * SURE);
     if count <= 1.0 {
-        return (own, noisy.any());
+        return Level { likely: own, least: own, is_unsure: noisy.any() };
     }
-    let instead = own - scattered + (around - scattered) / (count - 1.0);
+    let others = (around - scattered) / (count - 1.0);
+    let instead = own - scattered + others;
     let no_edge = (own - instead).abs().cmple(seen.noise * NOISE);
-    (DVec3::select(noisy & no_edge, instead, own), (noisy & no_edge).any())
+    let likely = DVec3::select(noisy & no_edge, instead, own);
+    let dim = (own.abs() - seen.noise).max(others).min(likely);
+    let least = if seen.emission > 0.0 { DVec3::select(noisy, dim, likely) } else { likely };
+    Level { likely, least, is_unsure: (noisy & no_edge).any() }
 }
 
 /// Means of the replicates where they have samples.
@@ -155,7 +176,7 @@ fn sums_around(seen: &[Seen], width: usize) -> impl Iterator<Item = (DVec3, f64)
 
 #[cfg(test)]
 mod tests {
-    use super::{BLOCK, Errors, PixelSums, block_errors};
+    use super::{BLOCK, Errors, GLINTS, PixelSums, block_errors};
     use glam::Vec3;
 
     fn block(width: usize, height: usize, of: impl Fn(usize, usize) -> (f32, f32)) -> Vec<PixelSums> {
@@ -200,6 +221,26 @@ mod tests {
         pixels[5 * side + 6] = PixelSums { a: Vec3::splat(0.2), b: Vec3::ZERO, ..PixelSums::ZERO };
         let Errors { relative: both, .. } = block_errors(&pixels, side, [1, 1], 1.0);
         assert!((both - relative - 0.5).abs() < 0.05, "{both} {relative}");
+    }
+
+    #[test]
+    fn a_light_that_one_replicate_has_seen_may_be_a_glint() {
+        let side = BLOCK as usize;
+        let reach = |lamp: (f32, f32)| {
+            let mut pixels = block(side, side, |x, y| if (x, y) == (5, 5) { lamp } else { (0.1, 0.1) });
+            pixels[5 * side + 5].emission = half::f16::from_f32((lamp.0 + lamp.1) * 0.5);
+            let errors = block_errors(&pixels, side, [1, 1], 1.0);
+            let [low, high] = errors.interval(256.0);
+            (errors.relative, low, high)
+        };
+        // Both have seen it: nothing is unsure.
+        let (relative, low, high) = reach((11.0, 9.0));
+        assert!((relative - 0.01).abs() < 1e-3 && low == 0.0 && high < 0.0004, "{relative} {low} {high}");
+        // One has: the error may be that of a firefly beside what is around, of which a share counts.
+        let (relative, low, high) = reach((20.0, 0.0));
+        let firefly = 10.0_f32.powi(2) / 0.02;
+        assert!((relative - 0.98).abs() < 0.01 && low == 0.0, "{relative} {low}");
+        assert!((high * 256.0 / (GLINTS * f64::from(firefly)) - 1.0).abs() < 0.02, "{high}");
     }
 
     #[test]

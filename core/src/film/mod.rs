@@ -11,7 +11,7 @@ mod round;
 mod store;
 
 pub use cross::{CrossError, cross_error};
-pub(crate) use error::{Seen, levels};
+pub(crate) use error::{Level, Seen, levels};
 pub use filter::{FilterKind, PixelFilter};
 pub use grid::{BLOCK, FrameSize, Region, TileGrid};
 pub use picture::Picture;

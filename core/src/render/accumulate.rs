@@ -4,7 +4,7 @@
 //! the total is rounded to f32 once.
 
 use crate::color::luminance;
-use crate::film::{Counters, PixelSums, Seen, levels};
+use crate::film::{Counters, Level, PixelSums, Seen, levels};
 use crate::integrator::Paths;
 use crate::sampler::Replicate;
 use glam::{DVec3, Vec3};
@@ -106,8 +106,8 @@ impl Accumulator {
                 let noise = DVec3::from(variance.to_array().map(|v| (v / n).sqrt()));
                 Seen { mean, noise, emission: f64::from(p.emission[r]) / n * scale }
             });
-            let of = |(p, (level, _)): (&Pixel, (DVec3, bool))| {
-                (moments(p).1 / (level * level + 0.01)).element_sum() / 3.0
+            let of = |(p, level): (&Pixel, Level)| {
+                (moments(p).1 / (level.likely * level.likely + 0.01)).element_sum() / 3.0
             };
             (self.pixels.iter().zip(levels(seen, width)).map(of).sum::<f64>() / self.pixels.len() as f64)
                 as f32

@@ -84,17 +84,9 @@ fn mode_of(denoise: Denoise) -> Option<Mode> {
 
 /// Colours, denoised by the layers of a picture.
 fn denoised(color: &[Vec3], layers: &Picture, mode: Mode) -> Result<Vec<Vec3>, DenoiseError> {
-    let plane = |layer: &[Vec3]| layer.iter().map(Vec3::to_array).collect::<Vec<_>>();
-    let (color, albedo, normal) = (plane(color), plane(&layers.albedo), plane(&layers.normal));
-    let input = Input {
-        width: layers.window.width(),
-        height: layers.window.height(),
-        color: &color,
-        albedo: &albedo,
-        normal: &normal,
-    };
-    let smooth = Denoiser::find()?.denoise(&input, mode)?;
-    Ok(smooth.into_iter().map(Vec3::from_array).collect())
+    let (width, height) = (layers.window.width(), layers.window.height());
+    let input = Input { width, height, color, albedo: &layers.albedo, normal: &layers.normal };
+    Denoiser::find()?.denoise(&input, mode)
 }
 
 #[cfg(test)]
