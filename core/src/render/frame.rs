@@ -4,7 +4,7 @@ use super::{next_round, render_tile_observed};
 use crate::film::{Film, FrameSummary, Round, TileGrid};
 use crate::integrator::{StageObserver, Unobserved};
 use crate::scene::Scene;
-use rayon::prelude::{IntoParallelIterator, ParallelIterator};
+use rayon::prelude::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -92,7 +92,7 @@ fn render_round(
     let film = Mutex::new(film);
     // Tiles merge as they come: within a round they touch different pixels, so the order changes nothing.
     let all_done =
-        (0..grid.tile_count()).into_par_iter().filter(|&t| !round.tile_is_empty(grid, t)).all(|tile| {
+        (0..grid.tile_count()).into_par_iter().with_max_len(1).filter(|&t| !round.tile_is_empty(grid, t)).all(|tile| {
             let rendered = render_tile_observed(scene, grid, tile, round, stop, &mut *observer.stages());
             let Some(result) = rendered else { return false };
             let merged = film.lock().unwrap_or_else(PoisonError::into_inner).merge(&result);
