@@ -4,11 +4,11 @@ mod support;
 
 use karst_core::encode::{exr, film_exr, film_png, png};
 use karst_core::film::{Film, Region, ResultError, Round, TileGrid, TileResult};
-use karst_core::render::{next_round, render_tile};
+use karst_core::render::{next_round, render_frame, render_tile};
 use karst_core::scene::Scene;
 use std::io::Cursor;
 use std::sync::atomic::AtomicBool;
-use support::{fingerprint, render, scene};
+use support::{Nobody, fingerprint, render, scene};
 
 fn text(sampling: &str, film: &str) -> String {
     format!(
@@ -40,6 +40,26 @@ fn tile_size_threads_and_repetition_change_no_bit() {
     for (tile_size, threads) in [(32, 3), (96, 2), (96, 8), (1000, 3)] {
         let got = fingerprint(&render(&adaptive, tile_size, threads).picture());
         assert_eq!(got, want[1], "adaptive, tile size {tile_size}, {threads} threads");
+    }
+}
+
+/// Threads keep the memory of their waves from scene to scene, with and without fog and distance functions.
+#[test]
+fn what_a_thread_rendered_before_changes_no_bit() {
+    let marched = text(FIXED, "");
+    let fog = r#"{"media": {"fog": {"sigma_s": [0.1, 0.1, 0.2]}}, "medium": "fog", "version""#;
+    let foggy = marched.replacen(r#"{"version""#, fog, 1);
+    let kind =
+        r#""sdf_objects": {"bulb": {"material": "gray", "tree": {"type": "mandelbulb", "iterations": 4}}},"#;
+    let [without, foggy_without] = [&marched, &foggy].map(|text| text.replacen(kind, "", 1));
+    assert!(foggy != marched && without != marched);
+    let scenes = [marched, foggy, without, foggy_without].map(|text| scene(&text));
+    let want = scenes.each_ref().map(|s| fingerprint(&render(s, 64, 1).picture()));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for which in [0, 1, 2, 3, 1, 0, 3, 2, 0, 2, 1, 3, 0] {
+        let film =
+            pool.install(|| render_frame(&scenes[which], 64, &AtomicBool::new(false), &Nobody)).unwrap();
+        assert_eq!(fingerprint(&film.picture()), want[which], "scene {which}");
     }
 }
 

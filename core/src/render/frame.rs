@@ -90,9 +90,13 @@ fn render_round(
     let end = *samples + round.samples(grid);
     let taken = AtomicU64::new(*samples);
     let film = Mutex::new(film);
+    // A thread takes one tile at a time, so that none waits for another's last ones: rounds are short.
     // Tiles merge as they come: within a round they touch different pixels, so the order changes nothing.
-    let all_done =
-        (0..grid.tile_count()).into_par_iter().with_max_len(1).filter(|&t| !round.tile_is_empty(grid, t)).all(|tile| {
+    let all_done = (0..grid.tile_count())
+        .into_par_iter()
+        .with_max_len(1)
+        .filter(|&t| !round.tile_is_empty(grid, t))
+        .all(|tile| {
             let rendered = render_tile_observed(scene, grid, tile, round, stop, &mut *observer.stages());
             let Some(result) = rendered else { return false };
             let merged = film.lock().unwrap_or_else(PoisonError::into_inner).merge(&result);
