@@ -52,6 +52,11 @@ impl Camera {
         Ray::new(self.view.transform.point(origin), self.view.transform.vector(direction).normalize())
     }
 
+    /// Whether rays leave from more than one point.
+    pub fn has_lens(&self) -> bool {
+        self.view.lens_radius > 0.0
+    }
+
     /// Where it stands, in the world.
     pub fn position(&self) -> Vec3 {
         self.view.transform.point(Vec3::ZERO)

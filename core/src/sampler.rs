@@ -102,6 +102,13 @@ impl Sampler {
         Self { key, index: index.reverse_bits() }
     }
 
+    /// That of the pixel's next sample.
+    #[inline]
+    #[must_use]
+    pub fn next(self) -> Self {
+        Self { key: self.key, index: self.index.reverse_bits().wrapping_add(1).reverse_bits() }
+    }
+
     /// One number in [0, 1).
     #[inline]
     pub fn get_1d(&self, decision: Decision) -> f32 {
@@ -115,6 +122,32 @@ impl Sampler {
         let seeds = self.seeds(decision);
         let index = shuffled(self.index, seeds.shuffle);
         Vec2::new(to_unit(first(index, seeds.x)), to_unit(second(index, seeds.y)))
+    }
+
+    /// How many samplers draw at a time: what a register of 256 bits holds.
+    pub const LANES: usize = 8;
+
+    /// What [`Self::get_1d`] gives to each: loops over arrays, of which compilers make lanes.
+    #[inline]
+    pub fn get_1d_of_all(samplers: &[Self; Self::LANES], decision: Decision) -> [f32; Self::LANES] {
+        let seeds = samplers.map(|sampler| sampler.seeds(decision));
+        let (shuffle, x) = (seeds.each_ref().map(|s| s.shuffle), seeds.each_ref().map(|s| s.x));
+        let index: [u32; Self::LANES] =
+            std::array::from_fn(|lane| shuffled(samplers[lane].index, shuffle[lane]));
+        std::array::from_fn(|lane| to_unit(first(index[lane], x[lane])))
+    }
+
+    /// What [`Self::get_2d`] gives to each.
+    #[inline]
+    pub fn get_2d_of_all(samplers: &[Self; Self::LANES], decision: Decision) -> [Vec2; Self::LANES] {
+        let seeds = samplers.map(|sampler| sampler.seeds(decision));
+        let (shuffle, x) = (seeds.each_ref().map(|s| s.shuffle), seeds.each_ref().map(|s| s.x));
+        let y = seeds.each_ref().map(|s| s.y);
+        let index: [u32; Self::LANES] =
+            std::array::from_fn(|lane| shuffled(samplers[lane].index, shuffle[lane]));
+        let x: [f32; Self::LANES] = std::array::from_fn(|lane| to_unit(first(index[lane], x[lane])));
+        let y: [f32; Self::LANES] = std::array::from_fn(|lane| to_unit(second(index[lane], y[lane])));
+        std::array::from_fn(|lane| Vec2::new(x[lane], y[lane]))
     }
 
     #[inline]
@@ -209,6 +242,19 @@ mod tests {
 
     fn sampler(pixel: [u32; 2], index: u32) -> Sampler {
         Sampler::new(Stream::new(7, 3), pixel, Replicate::A, index)
+    }
+
+    #[test]
+    fn eight_at_a_time_draw_what_each_does() {
+        let samplers: [Sampler; Sampler::LANES] =
+            std::array::from_fn(|lane| sampler([lane as u32 * 31, 7], 0x1000_0001 * lane as u32));
+        for decision in [Decision::Filter, Decision::Direction(0), Decision::Shadow(4000, 30_000)] {
+            let (one, two) =
+                (Sampler::get_1d_of_all(&samplers, decision), Sampler::get_2d_of_all(&samplers, decision));
+            assert_eq!(one, samplers.map(|s| s.get_1d(decision)));
+            assert_eq!(two, samplers.map(|s| s.get_2d(decision)));
+        }
+        assert_eq!(sampler([3, 4], 9).next(), sampler([3, 4], 10));
     }
 
     #[test]

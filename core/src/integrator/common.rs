@@ -63,7 +63,13 @@ pub(super) fn power_heuristic(this: f32, other: f32) -> f32 {
 /// throughput from the fifth surface on that is 1.25 times the efficiency (geometric mean of seven scenes, 1.0 to 1.5). In
 /// media, whose glow is gathered at every step, the latter is better by 1.05.
 /// Inside glass radiance is denser by η², and the path as bright as it will be outside again.
-pub(super) fn survives(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize) -> bool {
+pub(super) fn survives(
+    scene: &Scene,
+    bounce: u32,
+    paths: &mut Paths,
+    path: usize,
+    u: impl FnOnce() -> f32,
+) -> bool {
     let left = paths.beta[path].max_element() * paths.eta2[path];
     if bounce == 0 {
         paths.first[path] = left.min(1.0);
@@ -77,7 +83,7 @@ pub(super) fn survives(scene: &Scene, bounce: u32, paths: &mut Paths, path: usiz
         (2.5 * left / paths.first[path]).min(if bounce < SURE { 1.0 } else { MOST })
     };
     if survive < 1.0 {
-        if paths.samplers[path].get_1d(Decision::Roulette(bounce)) >= survive {
+        if u() >= survive {
             return false;
         }
         paths.beta[path] /= survive;

@@ -124,7 +124,10 @@ fn see_light(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize, surface
     let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
     if !vertex.is_black() {
         let glow = glow_at(scene, &vertex, paths, path);
-        light_up::<true>(scene, &vertex, glow.as_ref(), paths, (path, bounce));
+        let sampler = paths.samplers[path];
+        let draw =
+            (sampler.get_1d(Decision::LightChoice(bounce)), sampler.get_2d(Decision::LightPoint(bounce)));
+        light_up::<true>(scene, &vertex, glow.as_ref(), paths, (path, bounce), draw);
     }
 }
 
@@ -403,7 +406,7 @@ fn sample_light(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, gl
 fn go_on(scene: &Scene, bounce: u32, paths: &mut Paths, place: &Place, glow: Option<&Glow<'_>>) -> bool {
     let path = place.path as usize;
     let sampler = paths.samplers[path];
-    if !survives(scene, bounce, paths, path) {
+    if !survives(scene, bounce, paths, path, || sampler.get_1d(Decision::Roulette(bounce))) {
         return false;
     }
     let u = sampler.get_2d(Decision::Direction(bounce));

@@ -5,6 +5,7 @@
 //! on its neighbours in the wave, so that any grouping gives the same bits.
 
 mod common;
+mod draws;
 mod media;
 mod paths;
 mod stage;

@@ -5,6 +5,7 @@ use super::common::{
     add_emission, behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight,
     shadow_ray_from, survives,
 };
+use super::draws::{Draw, Draws};
 use super::media;
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
@@ -19,15 +20,25 @@ use glam::{Vec2, Vec3};
 pub(super) fn camera(scene: &Scene, wave: &Wave<'_>, paths: &mut Paths) {
     let count = wave.samples.len() * wave.pixels.len();
     paths.reset(count, if scene.function_count() > 0 { count } else { 0 });
-    let mut path = 0;
-    for sample in wave.samples.clone() {
-        for &pixel in wave.pixels {
-            let sampler = Sampler::new(scene.stream(), pixel, wave.replicate, sample);
+    for (path, &pixel) in wave.pixels.iter().enumerate().take(count) {
+        paths.samplers[path] = Sampler::new(scene.stream(), pixel, wave.replicate, wave.samples.start);
+    }
+    for path in wave.pixels.len()..count {
+        paths.samplers[path] = paths.samplers[path - wave.pixels.len()].next();
+    }
+    for first in (0..count).step_by(Sampler::LANES) {
+        let samplers = std::array::from_fn(|lane| paths.samplers[(first + lane).min(count - 1)]);
+        let offsets = Sampler::get_2d_of_all(&samplers, Decision::Filter);
+        let lens = if scene.camera().has_lens() {
+            Sampler::get_2d_of_all(&samplers, Decision::Lens)
+        } else {
+            [Vec2::ZERO; Sampler::LANES]
+        };
+        for (lane, path) in (first..count).take(Sampler::LANES).enumerate() {
+            let pixel = wave.pixels[path % wave.pixels.len()];
             let center = Vec2::new(pixel[0] as f32, pixel[1] as f32) + 0.5;
-            let position = center + scene.filter().sample(sampler.get_2d(Decision::Filter));
-            paths.rays[path] = scene.camera().ray(position, sampler.get_2d(Decision::Lens));
-            paths.samplers[path] = sampler;
-            path += 1;
+            let position = center + scene.filter().sample(offsets[lane]);
+            paths.rays[path] = scene.camera().ray(position, lens[lane]);
         }
     }
 }
@@ -144,16 +155,21 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
 pub(super) fn scatter_all<const MEDIA: bool>(scene: &Scene, bounce: u32, paths: &mut Paths) {
     let surfaces = std::mem::take(&mut paths.surfaces);
     let mut alive = 0;
+    let mut draws = Draws::default();
     for (at, surface) in surfaces.iter().enumerate() {
         let path = paths.active[at] as usize;
+        if at % Draws::LANES == 0 {
+            draws = Draws::new(scene, bounce, paths, at);
+        }
+        let draw = draws.of(at % Draws::LANES);
         let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
         note_features(&vertex, paths, path);
         if vertex.is_black() {
             continue;
         }
         let glow = if MEDIA { media::glow_at(scene, &vertex, paths, path) } else { None };
-        light_up::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce));
-        if scatter::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce)) {
+        light_up::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce), (draw.choice, draw.light));
+        if scatter::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce), &draw) {
             paths.active[alive] = path as u32;
             alive += 1;
         }
@@ -170,12 +186,20 @@ pub(super) fn light_up<const MEDIA: bool>(
     glow: Option<&Glow<'_>>,
     paths: &mut Paths,
     (path, bounce): (usize, u32),
+    draw: (f32, Vec2),
 ) {
     let sides: &[Option<Side>] =
         if scene.has_sides() { &[Some(Side::Near), Some(Side::Infinite)] } else { &[None] };
     for (number, &side) in sides.iter().enumerate() {
-        let Some((ray, light)) = sample_light(scene, vertex, glow, (&paths.samplers[path], bounce), side)
-        else {
+        let (u, point) = match side {
+            None | Some(Side::Near) => draw,
+            Some(Side::Infinite) => {
+                let sampler = &paths.samplers[path];
+                let point = sampler.get_2d(Decision::InfinitePoint(bounce));
+                (sampler.get_1d(Decision::InfiniteChoice(bounce)), point)
+            }
+        };
+        let Some((ray, light)) = sample_light(scene, vertex, glow, (u, point), side) else {
             continue;
         };
         let arriving = if MEDIA { paths.arriving[path] } else { paths.beta[path] };
@@ -197,23 +221,18 @@ fn sample_light(
     scene: &Scene,
     vertex: &Vertex<'_>,
     glow: Option<&Glow<'_>>,
-    (sampler, bounce): (&Sampler, u32),
+    (u, point): (f32, Vec2),
     side: Option<Side>,
 ) -> Option<(Ray, Vec3)> {
     if vertex.bsdf.is_delta() {
         return None;
     }
     let receiver = vertex.receiver();
-    let (which, point) = match side {
-        None | Some(Side::Near) => (Decision::LightChoice(bounce), Decision::LightPoint(bounce)),
-        Some(Side::Infinite) => (Decision::InfiniteChoice(bounce), Decision::InfinitePoint(bounce)),
-    };
-    let u = if scene.lights().is_alone() { 0.0 } else { sampler.get_1d(which) };
     let (light, choice) = match side {
         None => scene.choose_light(&receiver, u)?,
         Some(side) => scene.lights().choose_of(side, &receiver, u)?,
     };
-    let sample = scene.lights().all()[light].sample(&receiver, sampler.get_2d(point))?;
+    let sample = scene.lights().all()[light].sample(&receiver, point)?;
     let (f, scattered) = vertex.bsdf.scatter(vertex.wo, vertex.to_local(sample.wi)?);
     if f == Vec3::ZERO {
         return None;
@@ -244,20 +263,18 @@ fn scatter<const MEDIA: bool>(
     glow: Option<&Glow<'_>>,
     paths: &mut Paths,
     (path, bounce): (usize, u32),
+    draw: &Draw,
 ) -> bool {
-    let sampler = paths.samplers[path];
-    let has_lobes = glow.is_some() || vertex.bsdf.has_lobes();
-    let lobe = if has_lobes { sampler.get_1d(Decision::Lobe(bounce)) } else { 0.0 };
-    let u = sampler.get_2d(Decision::Direction(bounce));
+    debug_assert!(scene.has_lobes() || !vertex.bsdf.has_lobes(), "a lobe is chosen without a number");
     let chosen = match glow {
-        Some(glow) => media::surface_direction(vertex, glow, lobe, u),
-        None => vertex.bsdf.sample(vertex.wo, lobe, u),
+        Some(glow) => media::surface_direction(vertex, glow, draw.lobe, draw.direction),
+        None => vertex.bsdf.sample(vertex.wo, draw.lobe, draw.direction),
     };
     let Some(sample) = chosen else { return false };
     let Some(wi) = vertex.to_world(sample.wi) else { return false };
     paths.beta[path] *= sample.weight;
     paths.eta2[path] *= sample.eta2;
-    if !survives(scene, bounce, paths, path) || paths.beta[path] == Vec3::ZERO {
+    if !survives(scene, bounce, paths, path, || draw.roulette) || paths.beta[path] == Vec3::ZERO {
         return false;
     }
     paths.pdf[path] = sample.pdf;

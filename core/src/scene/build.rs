@@ -60,6 +60,7 @@ impl Scene {
         let function_names = description.sdf_objects.iter().map(|(name, _)| name.to_owned()).collect();
         let film = &description.film;
         let lights = Lights::new(lights, &trees.tree.bounds());
+        let has_lobes = media.is_some() || materials.iter().any(Material::has_lobes);
         Ok(Self {
             size: frame_size(description),
             window: window(description),
@@ -77,6 +78,7 @@ impl Scene {
             materials,
             emitters,
             has_holes,
+            has_lobes,
             media,
             function_names,
             stream: Stream::new(description.sampling.seed, frame),

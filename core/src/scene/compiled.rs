@@ -56,6 +56,8 @@ pub struct Scene {
     pub(super) emitters: Vec<u32>,
     /// Whether some surface is there in part only, so that rays may have to cross it.
     pub(super) has_holes: bool,
+    /// Whether a direction may be one of several lobes somewhere, of a material or of the glow of fog.
+    pub(super) has_lobes: bool,
     /// What fills space, if anything does.
     pub(super) media: Option<Media>,
     /// Names of the objects made of distance functions.
@@ -157,6 +159,11 @@ impl Scene {
     /// All lights.
     pub fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Whether a direction may be one of several lobes somewhere, of a material or of the glow of fog.
+    pub fn has_lobes(&self) -> bool {
+        self.has_lobes
     }
 
     /// Whether some surface is there in part only: then shadow rays ask for [`Scene::transmittance`].

@@ -266,6 +266,18 @@ impl Material {
         Needs { tangents, traps }
     }
 
+    /// Whether a random number chooses among its lobes.
+    pub(super) fn has_lobes(&self) -> bool {
+        match &self.model {
+            Model::Ready(bsdf) => bsdf.has_lobes(),
+            Model::Diffuse(_) | Model::Conductor(_) | Model::Mirror(_) => false,
+            Model::Principled(_)
+            | Model::Dielectric(_)
+            | Model::ThinDielectric { .. }
+            | Model::Plastic { .. } => true,
+        }
+    }
+
     /// Share of the surface that is there.
     pub(super) fn opacity_at(&self, place: &Place) -> f32 {
         self.opacity.as_ref().map_or(1.0, |opacity| opacity.at(place).clamp(0.0, 1.0))
