@@ -52,9 +52,9 @@ impl Bearer {
         if token.is_empty() {
             return Ok(Self(None));
         }
-        let mut value: MetadataValue<Ascii> = format!("Bearer {token}")
-            .parse()
-            .map_err(|_| io::Error::other("the token has characters that cannot be sent"))?;
+        let mut value: MetadataValue<Ascii> = format!("Bearer {token}").parse().map_err(|_| {
+            io::Error::other("found characters that cannot be sent, expected the token alone, in one line")
+        })?;
         value.set_sensitive(true);
         Ok(Self(Some(value)))
     }
