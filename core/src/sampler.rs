@@ -130,24 +130,26 @@ impl Sampler {
     /// What [`Self::get_1d`] gives to each: loops over arrays, of which compilers make lanes.
     #[inline]
     pub fn get_1d_of_all(samplers: &[Self; Self::LANES], decision: Decision) -> [f32; Self::LANES] {
-        let seeds = samplers.map(|sampler| sampler.seeds(decision));
-        let (shuffle, x) = (seeds.each_ref().map(|s| s.shuffle), seeds.each_ref().map(|s| s.x));
-        let index: [u32; Self::LANES] =
-            std::array::from_fn(|lane| shuffled(samplers[lane].index, shuffle[lane]));
+        let (index, x, _) = Self::indices_and_seeds(samplers, decision);
         std::array::from_fn(|lane| to_unit(first(index[lane], x[lane])))
     }
 
     /// What [`Self::get_2d`] gives to each.
     #[inline]
     pub fn get_2d_of_all(samplers: &[Self; Self::LANES], decision: Decision) -> [Vec2; Self::LANES] {
-        let seeds = samplers.map(|sampler| sampler.seeds(decision));
-        let (shuffle, x) = (seeds.each_ref().map(|s| s.shuffle), seeds.each_ref().map(|s| s.x));
-        let y = seeds.each_ref().map(|s| s.y);
-        let index: [u32; Self::LANES] =
-            std::array::from_fn(|lane| shuffled(samplers[lane].index, shuffle[lane]));
+        let (index, x, y) = Self::indices_and_seeds(samplers, decision);
         let x: [f32; Self::LANES] = std::array::from_fn(|lane| to_unit(first(index[lane], x[lane])));
         let y: [f32; Self::LANES] = std::array::from_fn(|lane| to_unit(second(index[lane], y[lane])));
         std::array::from_fn(|lane| Vec2::new(x[lane], y[lane]))
+    }
+
+    /// Shuffled indices, and what scrambles the first and the second dimension.
+    #[inline]
+    fn indices_and_seeds(samplers: &[Self; Self::LANES], decision: Decision) -> (Lanes, Lanes, Lanes) {
+        let seeds = samplers.map(|sampler| sampler.seeds(decision));
+        let shuffle = seeds.each_ref().map(|s| s.shuffle);
+        let index = std::array::from_fn(|lane| shuffled(samplers[lane].index, shuffle[lane]));
+        (index, seeds.each_ref().map(|s| s.x), seeds.each_ref().map(|s| s.y))
     }
 
     #[inline]
@@ -170,6 +172,8 @@ impl Stream {
         Self(mix64(u64::from(seed) << 32 | u64::from(frame.cast_unsigned())))
     }
 }
+
+type Lanes = [u32; Sampler::LANES];
 
 struct Seeds {
     shuffle: u32,

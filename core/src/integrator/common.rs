@@ -74,11 +74,11 @@ pub(super) fn survives(
     if bounce == 0 {
         paths.first[path] = left.min(1.0);
     }
-    if bounce + 1 < scene.roulette_depth() {
+    if !may_end(scene, bounce) {
         return true;
     }
     let survive = if scene.has_media() {
-        if bounce + 1 < MEDIA_DEPTH { 1.0 } else { left.sqrt().min(MOST) }
+        left.sqrt().min(MOST)
     } else {
         (2.5 * left / paths.first[path]).min(if bounce < SURE { 1.0 } else { MOST })
     };
@@ -89,6 +89,12 @@ pub(super) fn survives(
         paths.beta[path] /= survive;
     }
     true
+}
+
+/// Whether roulette has begun.
+pub(super) fn may_end(scene: &Scene, bounce: u32) -> bool {
+    let depth = if scene.has_media() { MEDIA_DEPTH } else { 0 };
+    bounce + 1 >= scene.roulette_depth().max(depth)
 }
 
 /// Light between perfect mirrors has to end: from this surface on no path goes on for sure, but this often at most.

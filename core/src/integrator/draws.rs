@@ -2,13 +2,14 @@
 //!
 //! A number depends on its path only, so that drawing it beside others, or for nothing, changes none.
 
+use super::common::may_end;
 use super::paths::Paths;
 use crate::sampler::{Decision, Sampler};
 use crate::scene::Scene;
 use glam::Vec2;
 
 /// What decides at a surface; 0 where nothing is to be decided.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Draw {
     /// Which light, of those at a finite distance where others are sampled beside them.
     pub(super) choice: f32,
@@ -22,47 +23,25 @@ pub(super) struct Draw {
     pub(super) roulette: f32,
 }
 
-/// What decides at the surfaces of eight paths.
-#[derive(Default)]
-pub(super) struct Draws {
-    choice: [f32; Self::LANES],
-    light: [Vec2; Self::LANES],
-    lobe: [f32; Self::LANES],
-    direction: [Vec2; Self::LANES],
-    roulette: [f32; Self::LANES],
-}
-
-impl Draws {
-    /// Number of paths.
-    pub(super) const LANES: usize = Sampler::LANES;
-
-    /// Those of the active paths from `first` on. Behind the last of them it stands in for others.
-    #[inline]
-    pub(super) fn new(scene: &Scene, bounce: u32, paths: &Paths, first: usize) -> Self {
-        let last = paths.active.len().saturating_sub(1);
-        let samplers =
-            std::array::from_fn(|lane| paths.samplers[paths.active[(first + lane).min(last)] as usize]);
-        let number = |is_asked: bool, decision| {
-            if is_asked { Sampler::get_1d_of_all(&samplers, decision) } else { Default::default() }
-        };
-        Self {
-            choice: number(!scene.lights().is_alone(), Decision::LightChoice(bounce)),
-            light: Sampler::get_2d_of_all(&samplers, Decision::LightPoint(bounce)),
-            lobe: number(scene.has_lobes(), Decision::Lobe(bounce)),
-            direction: Sampler::get_2d_of_all(&samplers, Decision::Direction(bounce)),
-            roulette: number(bounce + 1 >= scene.roulette_depth(), Decision::Roulette(bounce)),
-        }
-    }
-
-    /// Of the path in a lane.
-    #[inline]
-    pub(super) fn of(&self, lane: usize) -> Draw {
-        Draw {
-            choice: self.choice[lane],
-            light: self.light[lane],
-            lobe: self.lobe[lane],
-            direction: self.direction[lane],
-            roulette: self.roulette[lane],
-        }
-    }
+/// What decides at the surfaces of the active paths from `first` on; the last path stands in for those behind it.
+#[inline]
+pub(super) fn draw_all(scene: &Scene, bounce: u32, paths: &Paths, first: usize) -> [Draw; Sampler::LANES] {
+    let last = paths.active.len().saturating_sub(1);
+    let samplers =
+        std::array::from_fn(|lane| paths.samplers[paths.active[(first + lane).min(last)] as usize]);
+    let number = |is_asked: bool, decision| {
+        if is_asked { Sampler::get_1d_of_all(&samplers, decision) } else { Default::default() }
+    };
+    let choice = number(!scene.lights().is_alone(), Decision::LightChoice(bounce));
+    let light = Sampler::get_2d_of_all(&samplers, Decision::LightPoint(bounce));
+    let lobe = number(scene.has_lobes(), Decision::Lobe(bounce));
+    let direction = Sampler::get_2d_of_all(&samplers, Decision::Direction(bounce));
+    let roulette = number(may_end(scene, bounce), Decision::Roulette(bounce));
+    std::array::from_fn(|lane| Draw {
+        choice: choice[lane],
+        light: light[lane],
+        lobe: lobe[lane],
+        direction: direction[lane],
+        roulette: roulette[lane],
+    })
 }

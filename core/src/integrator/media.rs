@@ -125,9 +125,10 @@ fn see_light(scene: &Scene, bounce: u32, paths: &mut Paths, path: usize, surface
     if !vertex.is_black() {
         let glow = glow_at(scene, &vertex, paths, path);
         let sampler = paths.samplers[path];
-        let draw =
-            (sampler.get_1d(Decision::LightChoice(bounce)), sampler.get_2d(Decision::LightPoint(bounce)));
-        light_up::<true>(scene, &vertex, glow.as_ref(), paths, (path, bounce), draw);
+        let choice =
+            if scene.lights().is_alone() { 0.0 } else { sampler.get_1d(Decision::LightChoice(bounce)) };
+        let point = sampler.get_2d(Decision::LightPoint(bounce));
+        light_up::<true>(scene, &vertex, glow.as_ref(), paths, (path, bounce), (choice, point));
     }
 }
 

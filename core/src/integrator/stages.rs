@@ -5,7 +5,7 @@ use super::common::{
     add_emission, behind, cast_shadow, find_blocked, note_features, power_heuristic, scattered_weight,
     shadow_ray_from, survives,
 };
-use super::draws::{Draw, Draws};
+use super::draws::{Draw, draw_all};
 use super::media;
 use super::paths::{Paths, ShadowRay};
 use super::vertex::Vertex;
@@ -155,13 +155,13 @@ pub(super) fn shade(scene: &Scene, bounce: u32, paths: &mut Paths) {
 pub(super) fn scatter_all<const MEDIA: bool>(scene: &Scene, bounce: u32, paths: &mut Paths) {
     let surfaces = std::mem::take(&mut paths.surfaces);
     let mut alive = 0;
-    let mut draws = Draws::default();
+    let mut draws = [Draw::default(); Sampler::LANES];
     for (at, surface) in surfaces.iter().enumerate() {
         let path = paths.active[at] as usize;
-        if at % Draws::LANES == 0 {
-            draws = Draws::new(scene, bounce, paths, at);
+        if at % Sampler::LANES == 0 {
+            draws = draw_all(scene, bounce, paths, at);
         }
-        let draw = draws.of(at % Draws::LANES);
+        let draw = &draws[at % Sampler::LANES];
         let vertex = Vertex::new(scene, surface, -paths.rays[path].d);
         note_features(&vertex, paths, path);
         if vertex.is_black() {
@@ -169,7 +169,7 @@ pub(super) fn scatter_all<const MEDIA: bool>(scene: &Scene, bounce: u32, paths: 
         }
         let glow = if MEDIA { media::glow_at(scene, &vertex, paths, path) } else { None };
         light_up::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce), (draw.choice, draw.light));
-        if scatter::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce), &draw) {
+        if scatter::<MEDIA>(scene, &vertex, glow.as_ref(), paths, (path, bounce), draw) {
             paths.active[alive] = path as u32;
             alive += 1;
         }

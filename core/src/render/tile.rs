@@ -12,8 +12,8 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 thread_local! {
-    /// The memory of this thread's waves, about a megabyte, kept from tile to tile: pages that are new cost more than a tenth of
-    /// what small tiles do. What was in it has no influence.
+    /// The memory of this thread's waves, about a megabyte, kept from tile to tile: new pages for each cost up to a tenth of
+    /// the time of small tiles. What was in it has no influence.
     static PATHS: Cell<Paths> = Cell::default();
 }
 
